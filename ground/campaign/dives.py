@@ -37,8 +37,8 @@ from ground.campaign.request import (
     CampaignRequest,
     dive_seed,
 )
-from ground.client.assessment import assess_log
-from ground.client.dive_symptoms import Symptom, SymptomKind
+from ground.client.assessment import assess_read_log
+from ground.client.dive_symptoms import MIN_AFLOAT_S, Symptom, SymptomKind
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
 from ground.output_files import write_whole
@@ -48,6 +48,7 @@ from mavlink_io.errors import CaribouError, OperationError
 from mavlink_io.mission_items import MissionItem
 from sysid.data import readers
 from sysid.data.events import Failsafe, FailsafeCause, parse_text
+from sysid.monitor.tracking_metrics import SUBMERGED_M
 from sysid.monte_carlo.simulate import limit_s
 
 _CRITICAL = 2
@@ -65,6 +66,22 @@ AnnounceCallback = Callable[[str], None]
 """Called with a text about what begins."""
 ListenCallback = Callable[[str, Sequence[MissionItem]], TelemetryListener]
 """Called with the name and the mission of a dive; returns the listener to its telemetry."""
+
+
+@dataclass
+class _SubmergedTime:
+    """Vehicle time below the surface, by the reports of progress of a dive."""
+
+    total_s: float = 0.0
+    _last_s: float | None = None
+    """Time of the report before, None if the vehicle was at the surface then."""
+
+    def add(self, progress: FlightProgress) -> None:
+        """Count the time since the report before, if the vehicle was submerged in both."""
+        is_submerged = progress.depth_m > SUBMERGED_M
+        if is_submerged and self._last_s is not None:
+            self.total_s += progress.vehicle_s - self._last_s
+        self._last_s = progress.vehicle_s if is_submerged else None
 
 
 @dataclass
@@ -143,7 +160,7 @@ class CampaignDives:
         """Return the gravest symptom of a dive with a remedy; None without any."""
         log = CampaignFolder(self.request.out).log_path(stage, mission)
         try:
-            symptoms = assess_log(readers.read(log)).symptoms
+            symptoms = assess_read_log(readers.read(log)).symptoms
         except CaribouError:
             return None
         return next((symptom for symptom in symptoms if symptom.remedy), None)
@@ -201,13 +218,15 @@ class CampaignDives:
             return ""
         log.unlink(missing_ok=True)  # of a dive that was interrupted or is repeated
         listener = self.listen(name, dive.items) if self.listen else None
+        submerged = _SubmergedTime()
         outcome = fly_simulated(
             dive,
             self._launch(mission),
-            partial(self._watch, name, limit_s(dive.items) + ASCENT_S),
+            partial(self._watch, name, limit_s(dive.items) + ASCENT_S, submerged),
             listener=listener,
         )
-        if outcome.failsafes:
+        # the log is read only where it can show that the vehicle did not leave the surface
+        if outcome.failsafes or outcome.vehicle_s - submerged.total_s >= MIN_AFLOAT_S:
             symptom = self._symptom(stage, mission)
             if symptom and symptom.kind is SymptomKind.AFLOAT:
                 failed = f"{name}{AFLOAT}"
@@ -216,6 +235,7 @@ class CampaignDives:
                 if scaling.descends_at_full_thrust(script.load(mission_file)):
                     remedy = "add ballast; a descent at full thrust is not enough"
                 raise AfloatError(f"{name}: {symptom.message}: {remedy}")
+        if outcome.failsafes:
             if not _only_floated_up(outcome.failsafes):
                 failed = f"{name}, attempt {len(self.records.failed_attempts(name)) + 1}"
                 self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
@@ -224,8 +244,11 @@ class CampaignDives:
         self.outcomes[name] = self.records.add(name, request_sha256, outcome)
         return ""
 
-    def _watch(self, name: str, longest_s: float, progress: FlightProgress) -> None:
+    def _watch(
+        self, name: str, longest_s: float, submerged: _SubmergedTime, progress: FlightProgress
+    ) -> None:
         """Pass on the progress of a dive. Raises OperationError if it takes too long."""
+        submerged.add(progress)
         if progress.vehicle_s > longest_s:
             raise OperationError(
                 f"{name}: {progress.depth_m:.1f} m deep {progress.vehicle_s:.0f} s after its start,"

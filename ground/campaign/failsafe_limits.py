@@ -54,7 +54,7 @@ class FailsafeError(OperationError):
 
 
 class AfloatError(FailsafeError):
-    """A dive ended with a failsafe because the vehicle did not leave the surface."""
+    """The vehicle did not leave the surface in a dive, which a failsafe or its legs ended."""
 
     code = ErrorCode.AFLOAT
 

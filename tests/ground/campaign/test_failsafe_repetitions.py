@@ -213,21 +213,31 @@ def test_missions_with_failsafe_at_least_pitch_end_the_campaign(
             campaign._finish_missions(slots, missions, gains)
 
 
+CRITICAL = ("mission left in a critical state",)
+
+
 def _never_afloat_at(
-    thrust_pct: float, out: Path, monkeypatch: pytest.MonkeyPatch
+    thrust_pct: float,
+    out: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    failsafes: tuple[str, ...] = CRITICAL,
 ) -> tuple[Campaign, list[tuple[str, float]]]:
     """Return a campaign and the thrust of the first leg of its dives.
 
-    A dive does not leave the surface if it begins with less than `thrust_pct`.
+    A dive does not leave the surface if it begins with less than `thrust_pct`; it ends with
+    `failsafes` then.
     """
     flown: list[tuple[str, float]] = []
 
-    def fly(dive: Any, *_: object, **__: object) -> FlightResult:
+    def fly(dive: Any, simulated: Any, on_progress: Any, **_: object) -> FlightResult:
         first_pct = next(item.p3 for item in dive.items if item.command == MavCmd.DO_CHANGE_SPEED)
         flown.append((f"{dive.log.parent.name}/{dive.log.stem}", first_pct))
         dive.log.write_bytes(b"")
-        failsafes = ("mission left in a critical state",) if first_pct < thrust_pct else ()
-        return FlightResult(dive.log, 10.0, 1.0, 5, 0, (), failsafes, "")
+        is_afloat = first_pct < thrust_pct
+        for vehicle_s in range(0, 700, 20):
+            depth_m = 0.2 if is_afloat or not 10 < vehicle_s < 690 else 3.0
+            on_progress(FlightProgress(4, 5, float(vehicle_s), 1.0, depth_m, 0.0))
+        return FlightResult(dive.log, 700.0, 1.0, 5, 0, (), failsafes if is_afloat else (), "")
 
     afloat = Symptom(SymptomKind.AFLOAT, "depth", "does not leave the surface", "fly faster")
     monkeypatch.setattr(dives, "fly_simulated", fly)
@@ -238,10 +248,15 @@ def _never_afloat_at(
     return campaign, flown
 
 
+@pytest.mark.parametrize("failsafes", [CRITICAL, ()])
 def test_vehicle_that_stays_afloat_dives_at_full_thrust_from_then_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    failsafes: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    """Legs with a duration end at the surface, too, without a failsafe.
+
+    A vehicle of 5.5 by 0.35 m with 12 N of net buoyancy flew them with its elevator hard down.
+    """
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch, failsafes)
     campaign.dives.fly("prototype", "trim", {})
     campaign.dives.fly("identification", "rudder_steps", {})
     campaign.dives.fly("verification", "combined", {})
@@ -251,25 +266,26 @@ def test_vehicle_that_stays_afloat_dives_at_full_thrust_from_then_on(
         ("identification/rudder_steps", 100.0),
         ("verification/combined", 100.0),
     ]
-    assert campaign._totals().vehicle_s == 40.0
+    assert campaign._totals().vehicle_s == 4 * 700.0
 
 
+@pytest.mark.parametrize("failsafes", [CRITICAL, ()])
 def test_resumed_campaign_keeps_the_descent_at_full_thrust(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    failsafes: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The missions are written again at the beginning; the record of the failed dive remains."""
-    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch, failsafes)
     campaign.dives.fly("prototype", "trim", {})
     options = folder_setup._campaign_toml(campaign.request._replace(resume=True), ())
     (tmp_path / "campaign.toml").write_text(options)
-    resumed, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    resumed, flown = _never_afloat_at(80.0, tmp_path, monkeypatch, failsafes)
     resumed.request = resumed.dives.request = resumed.request._replace(resume=True)
     resumed._write_folder(Preparation({}, {}, ()))
     resumed.dives.fly("prototype", "trim", {})
     assert flown == []
     resumed.dives.fly("identification", "rudder_steps", {})
     assert flown == [("identification/rudder_steps", 100.0)]
-    assert resumed._totals().vehicle_s == 30.0
+    assert resumed._totals().vehicle_s == 3 * 700.0
 
 
 def test_test_dive_that_stays_afloat_changes_its_own_and_all_gains_missions(
@@ -287,10 +303,11 @@ def test_test_dive_that_stays_afloat_changes_its_own_and_all_gains_missions(
     assert [thrust for _, thrust in flown] == [58.0, 100.0]
 
 
+@pytest.mark.parametrize("failsafes", [CRITICAL, ()])
 def test_missions_of_all_gains_repeated_at_full_thrust_after_one_stays_afloat(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    failsafes: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch, failsafes)
     gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
     both = [(name, mission) for name in gains for mission in computations.MISSIONS]
     with ThreadPoolExecutor(1) as slots:
@@ -299,13 +316,25 @@ def test_missions_of_all_gains_repeated_at_full_thrust_after_one_stays_afloat(
     assert [thrust for _, thrust in flown[-len(both) :]] == [100.0] * len(both)
 
 
+@pytest.mark.parametrize("failsafes", [CRITICAL, ()])
 def test_vehicle_that_stays_afloat_at_full_thrust_ends_the_campaign(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    failsafes: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    campaign, flown = _never_afloat_at(101.0, tmp_path, monkeypatch)
+    campaign, flown = _never_afloat_at(101.0, tmp_path, monkeypatch, failsafes)
     with pytest.raises(AfloatError, match="add ballast; a descent at full thrust is not"):
         campaign.dives.fly("prototype", "trim", {})
     assert len(flown) == 2
+
+
+def test_log_is_not_read_after_a_dive_that_left_the_surface(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """20 s at the surface before and after a dive are less than 60 s."""
+    campaign, _ = _never_afloat_at(50.0, tmp_path, monkeypatch)
+    read: list[object] = []
+    monkeypatch.setattr(CampaignDives, "_symptom", lambda *args: read.append(args))
+    campaign.dives.fly("prototype", "trim", {})
+    assert read == []
 
 
 def test_log_of_a_repeated_dive_is_read_again(
