@@ -91,46 +91,24 @@ class FrameCounter:
 
 
 class FrameOrders:
-    """Newest sequence numbers of the clients of a server, as in `FrameOrder`."""
+    """Orders of the frames of the clients of a server."""
 
     def __init__(self) -> None:
         self._orders: dict[Hashable, FrameOrder] = {}
 
-    def is_late(self, client: Hashable, sequence: int, now_s: float) -> bool:
-        """Return whether a frame is older than the newest one of its client; see `FrameOrder`.
+    def of(self, client: Hashable) -> FrameOrder:
+        """Return the order of the frames of a client.
 
         Parameters
         ----------
         client : Hashable
             The client.
-        sequence : int
-            Sequence number of the frame, modulo 256.
-        now_s : float
-            Wall clock, in seconds.
 
         Returns
         -------
-        bool
-            Whether a newer frame of the client has arrived before.
+        FrameOrder
+            The same object at every call, as long as the client is one of the last `MAX_CLIENTS`.
         """
-        return self._order(client).is_late(sequence, now_s)
-
-    def restart(self, client: Hashable, sequence: int, now_s: float) -> None:
-        """Forget all frames of a client before one; see `FrameOrder`.
-
-        Parameters
-        ----------
-        client : Hashable
-            The client.
-        sequence : int
-            Sequence number of the frame, modulo 256.
-        now_s : float
-            Wall clock, in seconds.
-        """
-        self._order(client).restart(sequence, now_s)
-
-    def _order(self, client: Hashable) -> FrameOrder:
-        """Return the order of a client."""
         if client not in self._orders:
             while len(self._orders) >= MAX_CLIENTS:
                 del self._orders[next(iter(self._orders))]

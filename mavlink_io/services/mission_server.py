@@ -229,10 +229,11 @@ class MissionServer:
         if handler is None:
             return
         client = Client(MavlinkId(frame.system, frame.component), send)
-        if self._orders.is_late(client, frame.sequence, now_s):
+        order = self._orders.of(client)
+        if order.is_late(frame.sequence, now_s):
             if not self._begins_again(frame, client):
                 return
-            self._orders.restart(client, frame.sequence, now_s)
+            order.restart(frame.sequence, now_s)
         self._frame_sequence = frame.sequence
         handler(frame.decode(), client, now_s)
 

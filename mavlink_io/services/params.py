@@ -523,7 +523,7 @@ class ParamServer:
             case "PARAM_REQUEST_READ":
                 self._read(message, sender, send)
             case "PARAM_SET":
-                if not self._orders.is_late(Client(sender, send), frame.sequence, wall_s()):
+                if not self._orders.of(Client(sender, send)).is_late(frame.sequence, wall_s()):
                     self._set(message, sender, send)
 
     def announce(self, name: str) -> None:

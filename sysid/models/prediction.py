@@ -162,7 +162,6 @@ def prior_vehicle(model: IdentifiedModel, prior: VehicleConfig | None = None) ->
     -------
     VehicleConfig
         The prior vehicle.
-
     """
     return prior or model.vehicle.file
 

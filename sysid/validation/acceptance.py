@@ -240,7 +240,7 @@ def _check(
 
 
 def _of_fit(model: IdentifiedModel) -> Iterator[AcceptanceCheck]:
-    """Criteria of the fit as a whole."""
+    """Yield the criteria of the fit as a whole."""
     convergence = model.convergence
     costs = SearchCosts(convergence.cost, convergence.start_costs)
     yield _check(
@@ -258,7 +258,7 @@ def _of_fit(model: IdentifiedModel) -> Iterator[AcceptanceCheck]:
 def _of_plane(
     model: IdentifiedModel, plane: Plane, validation: PlaneValidation | None
 ) -> Iterator[AcceptanceCheck]:
-    """Criteria of one plane.
+    """Yield the criteria of one plane.
 
     Without fitted or held-out runs, the criteria that need them are left out.
     """
@@ -274,7 +274,7 @@ def _of_plane(
 
 
 def _response(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
-    """Criteria of the response at crossover."""
+    """Yield the criteria of the response at crossover."""
     crossover = validation.crossover
     gain_sd_db, phase_sd_deg = (
         (crossover.gain_sd_db, crossover.phase_sd_deg) if crossover else (None, None)
@@ -291,7 +291,7 @@ def _response(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceC
 def _precision(
     model: IdentifiedModel, plane: Plane, validation: PlaneValidation
 ) -> Iterator[AcceptanceCheck]:
-    """Criteria of the standard deviations of the plane's numbers."""
+    """Yield the criteria of the standard deviations of the plane's numbers."""
     plane_model = model.planes[plane]
     for name in (DECISIVE_NUMBER, *OTHER_NUMBERS):
         if name in NEAR_ZERO_UNITS:
@@ -381,7 +381,7 @@ def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> f
 def _held_out(
     plane: Plane, excess: Excess, validation: PlaneValidation
 ) -> Iterator[AcceptanceCheck]:
-    """Criteria of the errors on held-out runs.
+    """Yield the criteria of the errors on held-out runs.
 
     A limit on a ratio with a random error of standard deviation s is 1 + 1.645 s. Marked runs are
     of an unknown type.
@@ -419,7 +419,7 @@ def _held_out(
 
 
 def _by_held_out(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
-    """Criteria of the correction of gain and phase at crossover by the held-out runs."""
+    """Yield the criteria of the correction of gain and phase at crossover by the held-out runs."""
     found, own, structure = validation.correction, validation.crossover, validation.model_error
     gains = (
         None if found is None else abs(found.gain_db),
