@@ -27,9 +27,9 @@ READS_PROC = pytest.mark.skipif(
 )
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait until a condition is met; fail after 30 s."""
-    deadline_s = time.monotonic() + 30.0
+def wait_for(condition: Callable[[], object]) -> None:
+    """Wait until a condition is met; fail after TIMEOUT_S."""
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline_s
         time.sleep(0.02)

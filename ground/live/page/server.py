@@ -8,6 +8,7 @@ on the page is changed by a request: it has no command for a vehicle.
 import asyncio
 import ipaddress
 import socket
+import time
 from collections.abc import AsyncIterator
 from importlib.resources import files
 from threading import Thread
@@ -28,6 +29,11 @@ from mavlink_io.errors import InputError
 LOOPBACK, PORT = "127.0.0.1", 8750
 PERIOD_S = 0.1
 """Wall time between two events of a browser."""
+SILENCE_S = 1.0
+"""Wall time after which a browser without news is sent an empty line.
+
+Only a write finds that a browser has left which had sent a part of a second request.
+"""
 CLOSE_TIMEOUT_S = 1.0
 """Wall time in which the last events may leave; a stopped browser takes none."""
 _FILES = {
@@ -197,10 +203,15 @@ def application(state: PageState) -> ASGIApp:
 async def _events(state: PageState, browser: Browser) -> AsyncIterator[bytes]:
     """Yield the events of one browser until the server ends."""
     yield b"retry: 1000\n\n"
+    sent_s = time.monotonic()
     while True:
         closing = state.closing
         if message := state.news(browser):
             yield b"data: " + message + b"\n\n"
+            sent_s = time.monotonic()
+        elif time.monotonic() - sent_s > SILENCE_S:
+            yield b"\n"
+            sent_s = time.monotonic()
         if closing:
             yield b"event: end\ndata: {}\n\n"
             return

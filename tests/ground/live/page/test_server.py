@@ -16,6 +16,7 @@ from ground.live.page.page_state import PageState
 from ground.live.page.server import PageServer
 from mavlink_io.errors import InputError
 from tests.ground.live.page.telemetry import frame, heartbeat, motion
+from tests.helpers.subprocesses import wait_for
 
 START_S, LAST_S = 400.0, 430.0
 WHOLE_REQUEST = b"GET /icon.svg HTTP/1.1\r\nHost: localhost\r\n\r\n"
@@ -33,6 +34,13 @@ def port(state: PageState) -> Iterator[int]:
     listener = server.listen(port=None)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     with PageServer(state, listener):
+        yield listener.getsockname()[1]
+
+
+@pytest.fixture
+def unused_port() -> Iterator[int]:
+    """Port of a server that no other test has connected to."""
+    with PageServer(PageState(), listener := server.listen(port=None)):
         yield listener.getsockname()[1]
 
 
@@ -159,28 +167,52 @@ def test_stream_of_events_outlives_the_time_limit(
         assert not is_closed(stream)
 
 
+def open_stream(port: int) -> socket.socket:
+    """Return a connection that is sent events."""
+    stream = socket.create_connection(("127.0.0.1", port))
+    stream.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    assert stream.recv(12) == b"HTTP/1.1 200"
+    return stream
+
+
 def test_many_idle_connections_give_way_to_a_browser(
-    port: int, monkeypatch: pytest.MonkeyPatch
+    unused_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
     with contextlib.ExitStack() as opened:
-        streams = [
-            opened.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(3)
-        ]
-        for stream in streams:
-            stream.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert stream.recv(12) == b"HTTP/1.1 200"
+        for _ in range(3):
+            opened.enter_context(open_stream(unused_port))
         idle = [
-            opened.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(3)
+            opened.enter_context(socket.create_connection(("127.0.0.1", unused_port)))
+            for _ in range(3)
         ]
         assert [is_closed(one) for one in idle[:2]] == [True, True]
-        assert get(port, "/").status == 200
+        assert get(unused_port, "/").status == 200
         assert is_closed(idle[2])
-        fourth = opened.enter_context(socket.create_connection(("127.0.0.1", port)))
-        fourth.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        assert fourth.recv(12) == b"HTTP/1.1 200"
-        refused = opened.enter_context(socket.create_connection(("127.0.0.1", port)))
+        opened.enter_context(open_stream(unused_port))
+        refused = opened.enter_context(socket.create_connection(("127.0.0.1", unused_port)))
         assert is_closed(refused)
+
+
+def test_streams_whose_browsers_have_left_make_room(
+    unused_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before, those that had sent a part of a next request stayed until there was news."""
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr(server, "SILENCE_S", 0.2)
+
+    def is_answered() -> bool:
+        with contextlib.suppress(ConnectionError):
+            return get(unused_port, "/").status == 200
+        return False
+
+    with contextlib.ExitStack() as opened:
+        for _ in range(4):
+            opened.enter_context(open_stream(unused_port)).sendall(b"G")
+        time.sleep(0.3)
+        with pytest.raises(ConnectionError):
+            get(unused_port, "/")
+    wait_for(is_answered)
 
 
 def test_port_in_use_is_an_input_error(port: int) -> None:
