@@ -7,7 +7,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from mavlink_io.transport import open_transport, wait
 from tests.clients.mavproxy_console import Console
 from tests.helpers.fake_hil import TICK_US, sensors
 from tests.helpers.pty_pair import Line, line
-from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, process
+from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, process, wait_for
 
 pytestmark = pytest.mark.process
 
@@ -50,13 +50,6 @@ def ground(*arguments: str) -> Finished:
 
 def get_parameter(address: str, *options: str) -> Finished:
     return ground("params", "get", "HDG_P", "--connect", address, *options, "--json")
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
 
 
 class LinkedAutopilot(NamedTuple):
@@ -122,7 +115,7 @@ def test_mavproxy_needs_key_for_commands_only(state: Path, key_file: Path, tmp_p
         mavproxy.ask(f"signing key {PASSPHRASE}", "Setup signing key")
         mavproxy.wait_for(f"Received {len(PARAMETERS)} parameters", TIMEOUT_S)
         mavproxy.type_line("param set HDG_P 0.75")
-        wait_until(
+        wait_for(
             lambda: (
                 float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75
             )
@@ -176,13 +169,13 @@ def test_replugged_sensors_are_answered(cable: Line, state: Path) -> None:
         autopilot(hil, f"udpout:127.0.0.1:{free_port()}") as child,
     ):
         ticks = itertools.count(1)
-        wait_until(lambda: answered(next(ticks) * TICK_US))
+        wait_for(lambda: answered(next(ticks) * TICK_US))
         cable.unplug("vehicle")
         assert child.wait_for_line().startswith(f"{hil}: lost (")
         assert not answered(next(ticks) * TICK_US)
         cable.plug("vehicle")
         assert child.wait_for_line() == f"{hil}: back\n"
-        wait_until(lambda: answered(next(ticks) * TICK_US))
+        wait_for(lambda: answered(next(ticks) * TICK_US))
 
 
 def test_missing_radio_is_awaited(cable: Line, state: Path) -> None:

@@ -6,8 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,7 +15,7 @@ from ground.cli.main import app
 from mavlink_io.errors import InputError
 from tests.browser import check_layout, needs_chromium, opened
 from tests.ground.sweep.conftest import folder as folder
-from tests.helpers.subprocesses import TIMEOUT_S
+from tests.helpers.subprocesses import wait_for
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,14 +41,6 @@ def start(plan: Path, out: str) -> "subprocess.Popen[bytes]":
     )
 
 
-def until(condition: Callable[[], object]) -> None:
-    """Wait for a condition."""
-    deadline_s = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
-
-
 def children(process: int) -> list[int]:
     """Return the processes that a process has started."""
     listed = subprocess.run(
@@ -74,10 +64,10 @@ def test_sweep_killed_twice_has_digest_of_undisturbed_one(folder: Path) -> None:
         return len(list((folder / "killed" / "parts").glob("*.csv")))
 
     study = start(plan, "killed")
-    until(lambda: count() > 20)
+    wait_for(lambda: count() > 20)
     os.kill(workers(study.pid)[0], signal.SIGKILL)
     before = count()
-    until(lambda: count() > before + 20)  # goes on with another worker
+    wait_for(lambda: count() > before + 20)  # goes on with another worker
     study.kill()
     study.wait()
     assert count() < 160, "the sweep was to be killed before its end"

@@ -1,8 +1,7 @@
 """The live page in a real browser: it moves, keeps its layout, and asks its own server only."""
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,8 @@ from ground.live.page.server import PageServer
 from mavlink_io.mission_items import FENCE_TYPE, MavCmd, MissionItem
 from tests.browser import HEIGHT_TOLERANCE_PX, WINDOWS_PX, Page, needs_chromium, opened
 from tests.ground.live.page.telemetry import heartbeat, motion
+from tests.helpers.subprocesses import wait_for
 
-DEADLINE_S = 60.0
 LOCAL = 1
 PICTURES = """
 return Object.fromEntries([...document.querySelectorAll('.chart')].map(
@@ -70,14 +69,6 @@ class Flight:
                     dive.on_frame(received)
 
 
-def until(condition: Callable[[], Any]) -> None:
-    """Wait until a condition of the page holds."""
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.1)
-
-
 @pytest.fixture(scope="module")
 def flight() -> Iterator[Flight]:
     with Flight() as flight:
@@ -96,14 +87,14 @@ def shown(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 @pytest.mark.timeout(240)
 class LivePageTestCase:
     def test_every_picture_moves(self, shown: Page) -> None:
-        until(lambda: shown.text("mode") != "–")
+        wait_for(lambda: shown.text("mode") != "–")
         before = shown.run(PICTURES)
         moving = set(before) - {"thrust"}  # constant
-        until(lambda: all(shown.run(PICTURES)[key] != before[key] for key in moving))
+        wait_for(lambda: all(shown.run(PICTURES)[key] != before[key] for key in moving))
         assert moving == {"hull", "map", "depth", "heading", "pitch", "surfaces"}
 
     def test_page_shows_state_texts_and_estimate(self, shown: Page) -> None:
-        until(lambda: shown.text("armed") == "ARMED")
+        wait_for(lambda: shown.text("armed") == "ARMED")
         assert shown.text("link") == "link good"
         assert shown.text("texts").startswith("A <b>warning</b>")
         planes = shown.text("planes")
@@ -111,7 +102,7 @@ class LivePageTestCase:
         assert "Continue: phase to +-5 deg" in planes
 
     def test_rounded_angles_have_no_sign_of_zero(self, shown: Page) -> None:
-        until(lambda: shown.text("angles").startswith("heading "))
+        wait_for(lambda: shown.text("angles").startswith("heading "))
         assert shown.text("angles").endswith("roll 0.0 deg")
 
     def test_layout_at_every_width_keeps_heights(self, shown: Page) -> None:
@@ -169,11 +160,11 @@ class LivePageTestCase:
 @pytest.mark.timeout(240)
 def test_page_shows_that_its_server_hangs(tmp_path: Path) -> None:
     with Flight() as flight, opened(server.url(flight.listener), tmp_path / "profile") as page:
-        until(lambda: page.text("link") == "link good")
+        wait_for(lambda: page.text("link") == "link good")
         with flight.state.dive("circle"):  # the server waits for the dive
-            until(lambda: page.text("banner").startswith("nothing received from ground for"))
+            wait_for(lambda: page.text("banner").startswith("nothing received from ground for"))
             assert page.text("link") == "link unknown"
-        until(lambda: page.text("link") == "link good" and not page.text("banner"))
+        wait_for(lambda: page.text("link") == "link good" and not page.text("banner"))
 
 
 @needs_chromium
@@ -181,7 +172,7 @@ def test_page_shows_that_its_server_hangs(tmp_path: Path) -> None:
 @pytest.mark.timeout(240)
 def test_page_shows_the_end_of_its_server(tmp_path: Any) -> None:
     with Flight() as flight, opened(server.url(flight.listener), tmp_path / "profile") as page:
-        until(lambda: page.text("armed") == "ARMED")
+        wait_for(lambda: page.text("armed") == "ARMED")
         flight.__exit__()
-        until(lambda: "has ended" in page.text("banner"))
+        wait_for(lambda: "has ended" in page.text("banner"))
         assert page.errors() == []
