@@ -14,7 +14,7 @@ from threading import Lock
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
-from mavlink_io.errors import OperationError
+from mavlink_io.errors import CaribouError, OperationError
 from mavlink_io.parent_watch import end_with_parent
 
 P = ParamSpec("P")
@@ -90,9 +90,14 @@ def _serve(connection: Connection, modules: Sequence[str]) -> None:
 def _call(
     function: Callable[..., Any], args: Sequence[Any], kwargs: dict[str, Any]
 ) -> tuple[Any, Exception | None]:
-    """Return the result of a function, or its exception with the traceback as a note."""
+    """Return the result of a function, or its exception.
+
+    One that is a defect of the program has its traceback as a note.
+    """
     try:
         return function(*args, **kwargs), None
+    except CaribouError as error:
+        return None, error
     except Exception as error:
         error.add_note(traceback.format_exc())
         return None, error

@@ -26,9 +26,16 @@ def test_worker_runs_functions_in_other_process(worker: Worker) -> None:
 
 
 def test_worker_exception_is_raised_in_caller(worker: Worker, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.mcap"):
+    with pytest.raises(InputError, match=r"none\.mcap") as refused:
         worker.call(read_log, tmp_path / "none.mcap")
+    assert not hasattr(refused.value, "__notes__")  # each is a line of the error
     assert worker.call(math.sqrt, 4.0) == 2.0
+
+
+def test_worker_defect_has_the_traceback_of_its_process(worker: Worker) -> None:
+    with pytest.raises(ValueError, match="math domain error") as failed:
+        worker.call(math.sqrt, -1.0)
+    assert "in _call" in failed.value.__notes__[0]
 
 
 def test_worker_end_of_process_is_an_error(worker: Worker) -> None:
