@@ -6,6 +6,7 @@ tests are adapted in simulated dives of the vehicle file. The result is written 
 the campaign and flown from there. Caribou flies the shipped files.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -33,10 +34,10 @@ REFERENCE = "caribou_nominal"
 """Vehicle for which missions and scenarios were made."""
 SHALLOWEST_M = 1.0
 """Smallest depth of the shipped missions (m): for a longer hull it is multiplied by the ratio."""
-RATE_LIMIT_DEGPS = 60.0
-"""SID_RATE_MAX for Caribou (deg/s)."""
+RATE_LIMIT, RATE_LIMIT_DEGPS = "SID_RATE_MAX", 60.0
+"""Parameter of the yaw or pitch rate that ends a test, and its value for Caribou (deg/s)."""
 MAX_RATE_LIMIT_DEGPS = 180.0
-"""Largest SID_RATE_MAX for another vehicle (deg/s)."""
+"""Its largest value for another vehicle (deg/s)."""
 SEED = 1
 """Seed of the simulated sea, the same for all campaigns."""
 
@@ -105,9 +106,10 @@ def prepare(request: PreparationRequest, announce: Callable[[str], None]) -> Pre
     sea = scaled_scenario.scale(request.scenario, content, moment_ratios(scale))
     design = _first_design(request.vehicle)
     untested = {n: s for n, s in scripts.items() if not any(step.test for step in s.step)}
+    controlled_degps = design.parameters.get(RATE_LIMIT, math.inf)
     parameters, check, completed = _first_dives(
         request,
-        {**design.parameters, "SID_RATE_MAX": _rate_limit_degps(scale)},
+        {**design.parameters, RATE_LIMIT: min(controlled_degps, _rate_limit_degps(scale))},
         lambda reduced: Readiness(config, reduced, readiness.moments(sea.content), SEED),
         untested,
     )
@@ -156,6 +158,7 @@ def mission_scaling(scale: VehicleScale) -> MissionScaling:
                 sweep_size=part.sweep_size,
                 frequency=part.frequency,
                 max_size_deg=part.max_size_deg,
+                loop_on=part.loop_on,
             )
             for plane, part in scale.planes.items()
         },

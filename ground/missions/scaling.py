@@ -30,6 +30,8 @@ class AxisScaling(NamedTuple):
     """Factor on frequencies."""
     max_size_deg: float
     """Largest size (deg)."""
+    loop_on: bool = False
+    """Whether the tests keep the loop on."""
 
 
 class MissionScaling(NamedTuple):
@@ -174,6 +176,7 @@ def _scale_test(test: TestSignal, scaling: MissionScaling) -> TestSignal:
     size = axis.step_size if is_step else axis.sweep_size
     return replace(
         test,
+        loop_on=test.loop_on or axis.loop_on,
         magnitude_deg=limited_deg(size * test.magnitude_deg, axis.max_size_deg),
         duration_s=_duration_s(test, scaling.time, axis.frequency),
         f_start_hz=round(min(MAX_HZ, axis.frequency * test.f_start_hz), 3),

@@ -18,6 +18,7 @@ than Caribou's, the acceleration that takes the same share of the surface's trav
 a vehicle against moments beyond its surfaces.
 """
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ import numpy as np
 
 from sitl.vehicle import hull
 from sitl.vehicle.config import VehicleConfig
+from sysid.estimation.map import steady_state
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import PLANES, Plane
 from sysid.test_design import prior as design_priors
@@ -46,6 +48,8 @@ class PlaneScale(NamedTuple):
     """Surface angle of sweeps and pulses."""
     max_size_deg: float
     """Travel of the surface without the reserve for an unknown trim (deg)."""
+    loop_on: bool
+    """Whether tests keep the loop on: a turn that a test begins may go on against the rudder."""
 
 
 class VehicleScale(NamedTuple):
@@ -106,7 +110,15 @@ def _plane_scale(
         step_size=angle / time**2,
         sweep_size=angle * frequency**2,
         max_size_deg=float(np.degrees(design_priors.available_travel_rad(prior, plane))),
+        loop_on=PLANES[plane].is_yaw and _turns_on(vehicle),
     )
+
+
+def _turns_on(vehicle: CandidateVehicle) -> bool:
+    """Return whether a turn of the vehicle can go on against its rudder."""
+    config, model = vehicle.config, vehicle.model
+    travel_rad = math.radians(config.tailcone.travel_deg)
+    return math.isfinite(steady_state.controlled_rate_radps(config, model, travel_rad))
 
 
 def inverse_inertia(vehicle: CandidateVehicle, plane: Plane) -> float:

@@ -142,7 +142,7 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
         gains,
         loads,
         spec,
-        lambda rudder_rad: steady_state.steady_turn(config, model, rudder_rad).rate_radps,
+        lambda rudder_rad: steady_state.largest_turn_radps(config, model, rudder_rad),
     )
     gains |= _depth_reference(vehicle, gains, loads, spec)
     vehicle_values = vehicle_parameters.autopilot_parameters(config, model)

@@ -55,7 +55,8 @@ def autopilot_parameters(
     operating_point = config.operating_point
     length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
     turn_m = min(1000.0, turn_radius_m(config, model))
-    return _slow_response(config, model) | {
+    of_some = _slow_response(config, model) | _turn_limit(config, model)
+    return of_some | {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
         "ACT_RATE_DEGPS": (
             within_range("ACT_RATE_DEGPS", config.tailcone.rate_degps),
@@ -108,6 +109,16 @@ def values(config: VehicleConfig) -> dict[str, float]:
     """
     described = autopilot_parameters(config, build_model.build(config))
     return {name: value for name, (value, _) in described.items()}
+
+
+def _turn_limit(config: VehicleConfig, model: VehicleModel) -> dict[str, tuple[float, str]]:
+    """Return value and reason of SID_RATE_MAX, if the vehicle can turn on against its rudder."""
+    travel_rad = math.radians(config.tailcone.travel_deg)
+    rate_radps = steady_state.controlled_rate_radps(config, model, travel_rad)
+    if math.isinf(rate_radps):
+        return {}
+    limit_degps = within_range("SID_RATE_MAX", math.degrees(rate_radps))
+    return {"SID_RATE_MAX": (limit_degps, "half of the yaw rate that the rudder can still end")}
 
 
 def _slow_response(config: VehicleConfig, model: VehicleModel) -> dict[str, tuple[float, str]]:

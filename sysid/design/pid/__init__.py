@@ -136,9 +136,7 @@ def redesign(
         gains,
         loads,
         spec,
-        lambda rudder_rad: (
-            steady_state.steady_turn(known.config, known.model, rudder_rad).rate_radps
-        ),
+        lambda rudder_rad: steady_state.largest_turn_radps(known.config, known.model, rudder_rad),
     )
     gains |= reference_models.depth(vehicle, gains, loads, spec)
     design = _assemble(model, vehicle, gains, initial, spec, robust)

@@ -31,9 +31,10 @@ DEPTH_STEPS = (1.0, -1.0, 2.0, -2.0)
 HEADING_S, DEPTH_S = 30.0, 60.0
 """Length of the simulated change of heading and of depth (s)."""
 TURN_SHARE, DESCENT_SHARE = 0.8, 0.25
-"""Maximum reference rate: share of the steady turn at the free travel, and share of the speed."""
+"""Maximum reference rates: share of the fastest turn that the free travel controls, and of the
+speed."""
 REASONS = {
-    "HDG_REF_RATE": "share of the steady turn with the free travel",
+    "HDG_REF_RATE": "share of the fastest turn that the free travel controls",
     "DPT_REF_RATE": "share of the speed",
     "DPT_REF_LEAD": (
         "share of the delay from the pitch command to the depth rate with which changes of depth"
@@ -64,8 +65,9 @@ def heading(
     spec : Spec
         `heading_step_deg` and `travel_deg`.
     turn : Callable
-        Return the yaw rate (rad/s) of the steady turn with a rudder angle (rad). In a turn the hull
-        loses speed and crossflow damps it, so that it is slower than that of the linear model.
+        Return the largest yaw rate (rad/s) with a rudder angle (`steady_state.largest_turn_radps`).
+        In a turn the hull loses speed and crossflow damps it, so that it is slower than that of the
+        linear model.
 
     Returns
     -------

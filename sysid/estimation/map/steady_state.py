@@ -1,5 +1,6 @@
 """Steady motion of a candidate vehicle: cruise speed for a thrust, trim and level flight."""
 
+import bisect
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,11 +20,16 @@ from sysid.planes import PLANES, Plane
 
 Array = NDArray[np.float64]
 
+RATE = 2
+"""Index of the yaw rate in the motion of `greybox.integrate`."""
 MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
 """Range in which the cruise speed is sought, m/s."""
 TURN_LENGTHS, TURN_STEP_S = 60.0, 0.01
 """Length of a simulated turn until it is steady, in hull lengths at operating speed, and its
 integration step."""
+CONTROLLED_SHARE = 0.5
+"""Share of the yaw rate from which the opposite rudder can still end a turn. The turn goes on while
+the tailcone changes sides: with 15 deg of travel, 30 deg/s and 0.3 s of delay and lag for 0.8 s."""
 
 
 def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
@@ -110,11 +116,60 @@ def steady_turn(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -
     SteadyTurn
         Speed and yaw rate after TURN_LENGTHS hull lengths.
     """
+    u, v, rate, *_ = _turn(config, model, rudder_rad)[-1]
+    return SteadyTurn(math.hypot(u, v), abs(float(rate)))
+
+
+def controlled_rate_radps(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> float:
+    """Return the largest yaw rate at which the rudder controls a vehicle that is unstable in yaw.
+
+    Such a hull can turn on against its rudder.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    model : VehicleModel
+        Model built from it.
+    rudder_rad : float
+        Largest rudder angle (rad).
+
+    Returns
+    -------
+    float
+        CONTROLLED_SHARE of the largest rate of a developing turn that the opposite rudder ends;
+        infinite if it ends the steady turn.
+    """
+    turn = _turn(config, model, rudder_rad)
+
+    def goes_on(row: int) -> bool:
+        """Return whether the turn goes on if the rudder changes sides at a time."""
+        final = _turn(config, model, -rudder_rad, turn[row])[-1]
+        return bool(final[RATE] * turn[-1, RATE] > 0.0)
+
+    last = len(turn) - 1
+    if not goes_on(last):
+        return math.inf
+    first = bisect.bisect_left(range(last), True, key=goes_on)
+    return CONTROLLED_SHARE * abs(float(turn[first, RATE]))
+
+
+def _turn(
+    config: VehicleConfig, model: VehicleModel, rudder_rad: float, start: Array | None = None
+) -> Array:
+    """Return the motion for TURN_LENGTHS hull lengths after a rudder angle, from straight flight.
+
+    Parameters
+    ----------
+    start : ndarray, optional
+        Motion from which it begins in place of straight flight.
+    """
     point = config.operating_point
     turn_s = TURN_LENGTHS * hull.length_m(config.hull) / point.speed_mps
     samples = math.ceil(turn_s / TURN_STEP_S) + 1
-    u, v, rate, *_ = greybox.integrate(
-        np.array([point.speed_mps, 0.0, 0.0, 0.0, 0.0]),
+    straight = np.array([point.speed_mps, 0.0, 0.0, 0.0, 0.0])
+    return greybox.integrate(
+        straight if start is None else start,
         np.full(samples, rudder_rad),
         np.full(samples, point.thrust_fraction * model.propeller.full_rps),
         1,
@@ -123,8 +178,28 @@ def steady_turn(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -
         greybox.constraint(model, Plane.YAW),
         model,
         np.zeros((samples, greybox.N_COUPLING)),
-    )[-1]
-    return SteadyTurn(math.hypot(u, v), abs(float(rate)))
+    )
+
+
+def largest_turn_radps(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> float:
+    """Return the largest yaw rate that a heading reference may ask of a rudder.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    model : VehicleModel
+        Model built from it.
+    rudder_rad : float
+        Largest rudder angle (rad).
+
+    Returns
+    -------
+    float
+        That of the steady turn, and not more than `controlled_rate_radps`.
+    """
+    steady_radps = steady_turn(config, model, rudder_rad).rate_radps
+    return min(steady_radps, controlled_rate_radps(config, model, rudder_rad))
 
 
 def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:

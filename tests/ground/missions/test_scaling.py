@@ -59,6 +59,13 @@ def test_scale_script_slow_vehicle_longer_legs_and_sweeps() -> None:
     assert signals_of(scaled)[0].duration_s == 2 * signals_of(mission)[0].duration_s
 
 
+def test_scale_script_keeps_the_loop_on_for_one_surface() -> None:
+    held = {**CARIBOU.axes, "rudder": UNCHANGED._replace(loop_on=True)}
+    for name, loop_on in (("rudder_steps", True), ("elevator_steps", False)):
+        scaled = scaling.scale_script(script.load(name), CARIBOU._replace(axes=held))
+        assert {test.loop_on for test in signals_of(scaled)} == {loop_on}
+
+
 def test_scale_script_long_hull_is_not_shallower_than_limit() -> None:
     scaled = scaling.scale_script(script.load("shallow_1m"), CARIBOU._replace(min_depth_m=1.4))
     assert {step.depth_m for step in scaled.step if step.depth_m is not None} == {1.4}

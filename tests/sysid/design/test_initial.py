@@ -21,6 +21,7 @@ from sysid.design.initial import (
 )
 from sysid.design.initial.root_locus import SearchLimits
 from sysid.design.pid import DesignInfeasibleError
+from sysid.estimation.map import steady_state
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from tests.reference import trials
 from tests.sitl.vehicle import flight
@@ -302,6 +303,55 @@ def test_heading_reference_rate_is_below_the_steady_turn(bench: InitialDesign) -
     assert bench.parameters["HDG_REF_RATE"] == pytest.approx(
         0.8 * abs(turn.yaw_rate_degps), rel=0.02
     )
+
+
+SPINNING = """
+name = "spinning"
+[hull]
+shape = "cylinder"
+length_m = 1.5
+diameter_m = 0.40
+nose_cap_m = 0.2
+tail_cap_m = 0.5
+[ballast]
+net_buoyancy_n = 6.0
+[fins]
+layout = "cruciform"
+span_m = 0.2
+root_chord_m = 0.12
+[operating_point]
+speed_mps = 1.2
+"""
+"""Vehicle that turns on against its rudder from about 15 deg/s on."""
+
+
+@pytest.mark.parametrize(("share", "ends"), [(0.85, True), (1.15, False)])
+def test_controlled_rate_is_half_of_that_from_which_the_rudder_ends_a_turn(
+    share: float, ends: bool
+) -> None:
+    """Reference: Fossen's equations in six degrees of freedom; pitch and depth move there too."""
+    known = config.parse(SPINNING, "spinning.toml")
+    model, point, rudder_rad = build_model.build(known), known.operating_point, math.radians(15.0)
+    ship = trials.matrices(model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps)
+    limit_radps = 2.0 * steady_state.controlled_rate_radps(known, model, rudder_rad)
+    _, turning = ship.run(ship.start, rudder_rad, 60.0, lambda x: abs(x[11]) - share * limit_radps)
+    _, final = ship.run(turning, -rudder_rad, 30.0, None)
+    assert (ship.read(final)[11] * ship.read(turning)[11] < 0.0) == ends
+
+
+def test_vehicle_that_turns_on_gets_slow_turns_and_ends_fast_tests(tmp_path: Path) -> None:
+    """Before, HDG_REF_RATE was 23.8 deg/s, and a test ended in a spin at 26 deg/s that lasted."""
+    (tmp_path / "spinning.toml").write_text(SPINNING)
+    parameters = initial.design_initial_gains(tmp_path / "spinning.toml").parameters
+    assert parameters["SID_RATE_MAX"] == pytest.approx(7.2, rel=0.1)
+    assert parameters["HDG_REF_RATE"] < parameters["SID_RATE_MAX"]
+
+
+@pytest.mark.parametrize("name", config.SHIPPED)
+def test_rudder_of_shipped_vehicles_ends_every_turn(name: str) -> None:
+    known = config.load(name)
+    travel_rad = math.radians(known.tailcone.travel_deg)
+    assert math.isinf(steady_state.controlled_rate_radps(known, flight.model(name), travel_rad))
 
 
 @pytest.mark.parametrize("name", config.SHIPPED)
