@@ -64,6 +64,10 @@ def autopilot_parameters(
         ),
         "THR_CRUISE_PCT": (100.0 * operating_point.thrust_fraction, "operating point"),
         "SPD_CRUISE_MPS": (operating_point.speed_mps, "operating point"),
+        "GAIN_SPD_MPS": (
+            within_range("GAIN_SPD_MPS", operating_point.speed_mps),
+            "operating point: at a higher speed the loops keep their bandwidth",
+        ),
         "SPD_LENGTH_M": (
             min(500.0, max(1.0, length_m)),
             "twice speed times the surge time constant",

@@ -72,6 +72,7 @@ PARAMETERS = (
     "DPT_REF_LEAD",
     "PTCH_FF",
     "TRIM_PIT_DEG",
+    "GAIN_SPD_MPS",
 )
 """Parameters that a design sets besides those of the tailcone."""
 
@@ -131,6 +132,8 @@ def redesign(
     gains |= integrator_limits(loads, gains)
     gains["TRIM_PIT_DEG"] = round(math.degrees(loads.level_pitch_rad), 2)
     known = prediction.vehicles(model, prior)[0]
+    cruise_mps = known.config.operating_point.speed_mps
+    gains["GAIN_SPD_MPS"] = within_range("GAIN_SPD_MPS", cruise_mps)
     gains |= reference_models.heading(
         vehicle,
         gains,

@@ -73,6 +73,7 @@ def explain(
             for name in ("W", "Z", "GAIN")
         },
         "ACT_RATE_DEGPS": "rate limit of the tailcone",
+        "GAIN_SPD_MPS": "speed of the tests: at a higher one the loops keep their bandwidth",
         "HDG_REF_W": (
             f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"
         ),

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from autopilot.control import reference_model
+from autopilot.control import params, reference_model
 from autopilot.control.reference_model import NO_REFERENCE, ActuatorLead
 from ground.campaign import refit
+from ground.missions.script import MissionStep, Script, compile_items
 from mavlink_io.errors import OperationError
 from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis import loop_state_space
@@ -26,10 +27,13 @@ from sysid.design.pid import (
     step_response,
 )
 from sysid.design.robustness import robustness
-from sysid.models import model_export
+from sysid.models import model_export, prediction
 from sysid.models.model_file import IdentifiedModel, sha256_of_model
+from sysid.monte_carlo import samples, simulate
+from sysid.monte_carlo.simulate import Sea
 from sysid.planes import Plane
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from sysid.test_design import prior as design_priors
 from sysid.validation.results import ModelAssessment, NextTest
 
 
@@ -75,6 +79,28 @@ def test_redesign_errors_are_below_initial_gains(designed: Design) -> None:
     )
     assert designed.gains["ACT_LEAD_W"] > 1.5 * designed.gains["ACT_LAG_W"]
     assert designed.gains["ACT_RATE_DEGPS"] == designed.spec.rate_degps
+
+
+def test_redesign_holds_course_at_full_thrust(
+    model: IdentifiedModel, designed: Design, bench: vehicle_files.VehicleConfig
+) -> None:
+    """1.7 times the speed is 9 dB of loop gain: before, the surfaces moved from stop to stop."""
+    legs = (
+        MissionStep(depth_m=5.0, heading_deg=0.0, thrust_pct=58.0, duration_s=60.0),
+        MissionStep(depth_m=5.0, heading_deg=0.0, thrust_pct=100.0, duration_s=120.0),
+    )
+    items = compile_items(Script(name="fast", about="", step=legs))
+    known, sea = prediction.vehicles(model)[0], design_priors.from_file(bench).noise
+    largest_deg = []
+    for speed_mps in (designed.gains["GAIN_SPD_MPS"], 0.0):
+        gains = {**designed.gains, **samples.trims_deg(known), "GAIN_SPD_MPS": speed_mps}
+        dive = simulate.fly(known, sea, items, params.config(gains), Sea(1.0), (1,))
+        held = dive.log.actuators.time_s > dive.seconds - 40.0
+        surfaces_rad = dive.log.actuators.rudder_rad[held], dive.log.actuators.elevator_rad[held]
+        largest_deg.append(math.degrees(max(map(np.ptp, surfaces_rad))) / 2.0)
+    scheduled_deg, unscheduled_deg = largest_deg
+    assert scheduled_deg < 4.0
+    assert unscheduled_deg > 8.0
 
 
 def test_redesign_stricter_command_noise_gives_slower_lead(
