@@ -38,6 +38,7 @@ from ground.campaign.request import (
     dive_seed,
 )
 from ground.client.assessment import assess_read_log
+from ground.client.depth_progress import ASCENT_S
 from ground.client.dive_symptoms import MIN_AFLOAT_S, Symptom, SymptomKind
 from ground.client.flight import Dive, FlightProgress, TelemetryListener, fly_simulated
 from ground.missions import scaling, script
@@ -55,9 +56,6 @@ _CRITICAL = 2
 """MAV_SEVERITY_CRITICAL, the severity of texts of failsafes."""
 MAX_ANGLE_DEG = 90.0
 """Largest size of a test (deg): without effect, because tests are only made smaller."""
-ASCENT_S = 1800.0
-"""Vehicle time for the ascent after a mission. A vehicle that is too heavy would be held near the
-surface by its propeller until its battery is weak."""
 LOCK_TIMEOUT_S = 0.05
 """Wall time (s) for which a start may hold the lock before the fork server is killed."""
 WatchCallback = Callable[[str, FlightProgress], None]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from ground.client import declination
+from ground.client.depth_progress import DepthProgress
 from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
@@ -200,6 +201,8 @@ def fly(
     AddressError, InputError, VehicleClientError
         The address, key or mission cannot be used; or the vehicle was not found, refused or was
         lost.
+    OperationError
+        The vehicle waits for a depth that it does not reach.
     """
     with open_recorded_vehicle(
         address,
@@ -250,6 +253,8 @@ def fly_simulated(
     ------
     InputError, VehicleClientError
         With the error message of the simulator or the autopilot, if one of them failed.
+    OperationError
+        The vehicle waits for a depth that it does not reach.
     """
     with open_recorded_vehicle(simulated, dive.log, dive.tlog) as (vehicle, recorder):
         return _fly(dive, vehicle, recorder, on_progress, on_text, listener)
@@ -389,7 +394,7 @@ def _fly(
     )
     vehicle.arm(timeout_s=0.0)  # it has been waited for above
     vehicle.on_text = _call_both(on_text, listener.on_text if listener else None)
-    _until_disarmed(vehicle, clock, len(dive.items), on_progress, listener)
+    _until_disarmed(vehicle, clock, dive, on_progress, listener)
     return FlightResult(
         log=dive.log,
         vehicle_s=clock.vehicle_s,
@@ -444,17 +449,23 @@ def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextC
 def _until_disarmed(
     vehicle: VehicleClient,
     clock: DiveClock,
-    items: int,
+    dive: Dive,
     on_progress: WatchCallback | None,
     listener: TelemetryListener | None,
 ) -> None:
-    """Receive until the vehicle has disarmed. Raises VehicleClientError if vehicle time stalls."""
-    report = Interval(PROGRESS_PERIOD_S)
+    """Receive until the vehicle has disarmed.
+
+    Raises VehicleClientError if vehicle time stalls, and OperationError if the vehicle waits for a
+    depth that it does not reach.
+    """
+    report, depth = Interval(PROGRESS_PERIOD_S), DepthProgress(dive.items, dive.log)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         clock.update()
-        if on_progress is not None and report.due():
-            on_progress(_progress(vehicle, clock, items))
+        if report.due():
+            depth.update(vehicle, clock.vehicle_s)
+            if on_progress is not None:
+                on_progress(_progress(vehicle, clock, len(dive.items)))
         if listener is not None:
             listener.poll()
     if listener is not None:

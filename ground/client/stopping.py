@@ -162,7 +162,6 @@ def describe_remaining_state(vehicle: VehicleClient, address: str, key_file: Pat
         f" --sign {shlex.quote(str(key_file))}" if key_file else ""
     )
     status = f"is still under way in mode {vehicle.mode}" if vehicle.armed else "was about to arm"
-    return (
-        f"the vehicle {status}: `ground surface {link}` ends the dive, "
-        f"`ground hold {link}` keeps depth, heading and thrust"
-    )
+    rising = vehicle.armed and vehicle.mode == SURFACE
+    surface = "" if rising else f"`ground surface {link}` ends the dive, "
+    return f"the vehicle {status}: {surface}`ground hold {link}` keeps depth, heading and thrust"

@@ -63,3 +63,16 @@ def test_fly_vehicle_too_heavy_to_surface_ends_with_reason(tmp_path: Path) -> No
     assert finished.status == 1, finished
     reason = "Failsafe: surface not reached, no rise for 300 s -> disarmed"
     assert finished.stderr.splitlines()[-1].endswith(reason)
+
+
+def test_fly_vehicle_held_below_the_surface_by_power_ends_with_reason(tmp_path: Path) -> None:
+    """Brackish water above: the vehicle is 82 N too heavy there, and sinks without power."""
+    (tmp_path / "down.toml").write_text(MISSION, encoding="utf-8")
+    log = tmp_path / "dive.mcap"
+    words = "fly", str(tmp_path / "down.toml"), "--sitl", "--scenario", "estuary", "--log", str(log)
+    with process("-m", "ground", *words) as ground:
+        finished = ground.finish(timeout_s=240.0)
+    assert finished.status == 1, finished
+    reason = "m deep in mode SURFACE, without a change of depth for 1800 s: is the vehicle heavier"
+    assert reason in finished.stderr.splitlines()[-1]
+    assert log.stat().st_size > 0

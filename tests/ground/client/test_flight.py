@@ -29,7 +29,7 @@ PUMP_S = 0.5
 class Vehicle:
     """Stands in for the client: sends attitudes until its sensors stop, and never disarms."""
 
-    disarmings = 0
+    disarmings, mode = 0, "MISSION"
 
     def __init__(self, recorder: Recorder, monkeypatch: pytest.MonkeyPatch) -> None:
         self.recorder, self.now_s = recorder, 100.0
@@ -60,6 +60,9 @@ def vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Vehicle
     recorder.finish()
 
 
+DIVE = flight.Dive("m", (MissionItem(0, 2, MavCmd.NAV_LAND),), Path("dive.mcap"))
+
+
 class EndedError(Exception):
     """Ends the dive of a test."""
 
@@ -75,7 +78,7 @@ def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
 
     clock = DiveClock(vehicle.recorder, 1)
     with pytest.raises(EndedError):
-        flight._until_disarmed(vehicle, clock, 3, watch, None)  # type: ignore[arg-type]
+        flight._until_disarmed(vehicle, clock, DIVE, watch, None)  # type: ignore[arg-type]
     return reports
 
 

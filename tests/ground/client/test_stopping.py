@@ -262,6 +262,14 @@ def test_remaining_state_under_way_names_mode_and_commands(fake: FakeVehicle) ->
     assert said == f"the vehicle is still under way in mode MISSION: {STOP}"
 
 
+def test_remaining_state_rising_does_not_advise_to_surface(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    stopping.enter(vehicle, stopping.SURFACE)
+    said = stopping.describe_remaining_state(vehicle, ADDRESS, None)
+    hold = STOP.partition(", ")[2]
+    assert said == f"the vehicle is still under way in mode SURFACE: {hold}"
+
+
 def test_remaining_state_signed_link_repeats_its_key(fake: FakeVehicle) -> None:
     said = stopping.describe_remaining_state(connected(fake), ADDRESS, Path("my key"))
     assert said.count(f"--connect {ADDRESS} --sign 'my key'`") == 2
