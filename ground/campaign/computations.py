@@ -20,6 +20,7 @@ from ground.campaign.retest import Retest
 from ground.campaign.summary_file import CampaignSummary, DesignSummary
 from ground.missions import script
 from mavlink_io.errors import InputError
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.user_data_dir import write_output
 from sysid.monitor import performance_spec
 from sysid.refit import RefitRequest
@@ -99,10 +100,13 @@ def plan_retest(out: Path, recommended: NextTest, mission: str) -> Retest | None
     return retest.plan(missions, recommended, mission)
 
 
-def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
+def design(
+    out: Path, first: Mapping[str, float], rehearsed: tuple[MissionItem, ...]
+) -> DesignSummary:
     """Redesign the gains and write `gains.param`; return the summary of the design.
 
-    `first` are the parameters of the first dives, without trims.
+    `first` are the parameters of the first dives, without trims; `rehearsed` are the items of
+    mission `REHEARSED`.
     """
     folder = _folder(out)
     refit.check_converged(
@@ -110,13 +114,12 @@ def design(out: Path, first: Mapping[str, float]) -> DesignSummary:
         f"the failed model is {out / 'model.json'}; with a corrected vehicle file run the campaign"
         " again",
     )
-    mission = folder.mission_file(REHEARSED)
     design, selection = refit.redesign_for_campaign(
         folder.model,
         folder.prior,
         first,
-        script.compile_items(script.load(mission)),
-        summary.settling_s(mission),
+        rehearsed,
+        summary.settling_s(folder.mission_file(REHEARSED)),
     )
     design.write_params(out / "gains.param")
     return replace(summary.summarise_design(design), selection=selection)

@@ -16,7 +16,7 @@ from ground.campaign.campaign_folder import (
     TRUTH_FILE,
     CampaignFolder,
 )
-from ground.campaign.computations import MISSIONS
+from ground.campaign.computations import MISSIONS, REHEARSED
 from ground.campaign.dive_records import (
     AFLOAT,
     DiveRecord,
@@ -91,9 +91,12 @@ class CampaignDives:
     announce: AnnounceCallback
     listen: ListenCallback | None = None
     outcomes: dict[str, DiveRecord] = field(default_factory=dict)
-    """Record of each dive and of each attempt that ended with a failsafe."""
+    """Record of each dive and of each attempt that ended with a failsafe, or that did not leave the
+    surface before a mission was repeated; missions that all sets of gains flew again count once."""
     records: DiveRecords = field(init=False)
     """Records in the folder, also those from before the campaign was resumed."""
+    _rehearsed: script.Script = field(init=False)
+    """Mission `REHEARSED` as it was prepared."""
     _simulated: list[SimulatedVehicle] = field(default_factory=list)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
@@ -101,10 +104,28 @@ class CampaignDives:
     def open_records(self) -> None:
         """Read the records of a prepared folder, and change its missions by these records."""
         self.records = DiveRecords(self.request.out)
+        self._rehearsed = script.load(CampaignFolder(self.request.out).mission_file(REHEARSED))
         for mission in IDENTIFICATION:
             self.repeat_reductions(mission)
-        self.outcomes.update(self.records.afloat_attempts())
+        self.outcomes.update(self._afloat_before_missions())
         self.speed_up_descents()
+
+    def rehearsed_items(self) -> tuple[MissionItem, ...]:
+        """Return the items of the mission in which sets of gains are compared in simulation.
+
+        It begins with a descent at full thrust if the trim dive or a test did not leave the
+        surface. Dives of the sets of gains do not count: at the time of the redesign they are
+        flown in a resumed campaign, and may be under way in another one.
+        """
+        steps = self._rehearsed
+        if self._afloat_before_missions() and not scaling.descends_at_full_thrust(steps):
+            steps = scaling.descend_at_full_thrust(steps)
+        return script.compile_items(steps)
+
+    def _afloat_before_missions(self) -> dict[str, DiveRecord]:
+        """Return the records of the trim dives and tests that did not leave the surface."""
+        attempts = self.records.afloat_attempts().items()
+        return {key: record for key, record in attempts if _stage_of(key) not in STAGES.values()}
 
     def fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
         """Fly one dive, unless it is recorded; repeat one with tests after a failsafe.
@@ -206,6 +227,7 @@ class CampaignDives:
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
         mission_file = CampaignFolder(self.request.out).mission_file(mission)
+        at_full_thrust = scaling.descends_at_full_thrust(script.load(mission_file))
         dive = Dive.load(mission_file, log, parameters=parameters, notes=notes)
         dive = replace(dive, mission=mission)
         request_sha256 = digest_request(
@@ -228,11 +250,15 @@ class CampaignDives:
             symptom = self._symptom(stage, mission)
             if symptom and symptom.kind is SymptomKind.AFLOAT:
                 failed = f"{name}{AFLOAT}"
-                self.outcomes[failed] = self.records.add(failed, request_sha256, outcome)
+                record = self.records.add(failed, request_sha256, outcome)
+                if stage not in STAGES.values():
+                    self.outcomes[failed] = record
                 remedy = symptom.remedy
-                if scaling.descends_at_full_thrust(script.load(mission_file)):
+                if at_full_thrust:
                     remedy = "add ballast; a descent at full thrust is not enough"
-                raise AfloatError(f"{name}: {symptom.message}: {remedy}")
+                raise AfloatError(
+                    f"{name}: {symptom.message}: {remedy}", at_full_thrust=at_full_thrust
+                )
         if outcome.failsafes:
             if not _only_floated_up(outcome.failsafes):
                 failed = f"{name}, attempt {len(self.records.failed_attempts(name)) + 1}"
@@ -283,6 +309,11 @@ class CampaignDives:
                 simulated.stop()
         finally:
             self._lock.release()
+
+
+def _stage_of(name: str) -> str:
+    """Return the stage in the name of a dive or of an attempt."""
+    return name.partition("/")[0]
 
 
 def _only_floated_up(failsafes: Sequence[str]) -> bool:

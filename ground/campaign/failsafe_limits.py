@@ -58,6 +58,11 @@ class AfloatError(FailsafeError):
 
     code = ErrorCode.AFLOAT
 
+    def __init__(self, message: str, *, at_full_thrust: bool) -> None:
+        super().__init__(message)
+        self.at_full_thrust = at_full_thrust
+        """Whether the mission began with a descent at full thrust."""
+
 
 def limit_pitch(parameters: Mapping[str, float], repetition: int) -> dict[str, float]:
     """Return the parameters of a repetition: smaller pitch of tests and of depth changes."""

@@ -139,8 +139,7 @@ class Campaign:
             _finish_dives(tests)
             unlimited, gains = gains, self._apply_failsafe_limits(gains)
             if self.dives.records.afloat_attempts() or gains != unlimited:
-                wait(missions)
-                missions = self._begin_missions(slots, baseline[:early], gains)
+                missions = self._begin_again(slots, missions, baseline[:early], gains)
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
@@ -148,6 +147,8 @@ class Campaign:
             redesigning = slots.submit(self._redesign, worker, untrimmed, unlimited["initial"])
             missions += self._begin_missions(slots, baseline[early:], gains)
             design = redesigning.result()
+            if self.dives.records.afloat_attempts():
+                missions = self._begin_again(slots, missions, baseline, gains)
             self.announce("flying the missions with the redesigned gains")
             redesigned = {
                 **design.gains,
@@ -263,7 +264,8 @@ class Campaign:
         """
         self._identify(worker, flown)
         self.announce("redesigning the gains")
-        return worker.call(computations.design, self.request.out, first)
+        rehearsed = self.dives.rehearsed_items()
+        return worker.call(computations.design, self.request.out, first, rehearsed)
 
     def _identify(self, worker: Worker, flown: Mapping[str, float]) -> None:
         """Refit; while the model is not fit and water time is left, fly the recommended test."""
@@ -336,6 +338,23 @@ class Campaign:
             for dive in self._begin(slots, STAGES[name], (mission,), gains[name])
         ]
 
+    def _begin_again(
+        self,
+        slots: Executor,
+        begun: Sequence[Future[None]],
+        missions: Sequence[tuple[str, str]],
+        gains: Mapping[str, Mapping[str, float]],
+    ) -> list[Future[None]]:
+        """Submit missions again, when those under way have ended.
+
+        A test that was flown meanwhile may have changed them, or their limits. Those that were
+        flown as they are now are not repeated.
+        """
+        wait(begun)
+        if self.dives.speed_up_descents():
+            self.announce("flying all missions again with a descent at full thrust")
+        return self._begin_missions(slots, missions, gains)
+
     def _finish_missions(
         self,
         slots: Executor,
@@ -354,18 +373,16 @@ class Campaign:
                 _finish_dives(missions)
             except FailsafeError as error:
                 limited = {name: error.limit(flown) for name, flown in gains.items()}
-                afloat = isinstance(error, AfloatError)
-                if limited == gains and not afloat:
+                if error.at_full_thrust if isinstance(error, AfloatError) else limited == gains:
                     raise
                 wait(missions)  # they load their missions before these are changed
-                if not afloat:
+                if isinstance(error, AfloatError):
+                    self.dives.speed_up_descents()
+                    change = "a descent at full thrust"
+                else:
                     gains = limited
                     flown = gains["redesigned"]
                     change = f"{error.parameter} = {flown[error.parameter]:g}"
-                elif self.dives.speed_up_descents():
-                    change = "a descent at full thrust"
-                else:
-                    raise
                 self.announce(f"{error}; flying all missions again with {change}")
                 repeated = [(name, mission) for name in gains for mission in MISSIONS]
                 missions = self._begin_missions(slots, repeated, gains)

@@ -1,6 +1,6 @@
 """Dives of a campaign that are repeated with other limits after a failsafe."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -312,6 +312,21 @@ def test_missions_of_all_gains_repeated_at_full_thrust_after_one_stays_afloat(
     both = [(name, mission) for name in gains for mission in computations.MISSIONS]
     with ThreadPoolExecutor(1) as slots:
         missions = campaign._begin_missions(slots, both, gains)
+        assert campaign._finish_missions(slots, missions, gains) == gains
+    assert [thrust for _, thrust in flown[-len(both) :]] == [100.0] * len(both)
+
+
+def test_missions_that_a_test_changed_meanwhile_are_flown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recommended test stays afloat while the missions fly as they were before."""
+    campaign, flown = _never_afloat_at(80.0, tmp_path, monkeypatch)
+    gains: dict[str, dict[str, float]] = {"initial": {}, "redesigned": {}}
+    both = [(name, mission) for name in gains for mission in computations.MISSIONS]
+    with ThreadPoolExecutor(1) as slots:
+        missions = campaign._begin_missions(slots, both, gains)
+        wait(missions)
+        assert campaign.dives.speed_up_descents()
         assert campaign._finish_missions(slots, missions, gains) == gains
     assert [thrust for _, thrust in flown[-len(both) :]] == [100.0] * len(both)
 

@@ -26,12 +26,15 @@ from ground.campaign import (
     run,
     summary_file,
 )
+from ground.campaign.campaign_folder import CampaignFolder
 from ground.campaign.dive_records import RECORDS_FILE, DiveRecords, digest_request
 from ground.campaign.dives import CampaignDives
 from ground.campaign.preparation import Preparation
 from ground.campaign.request import CampaignRequest
 from ground.campaign.run import Campaign
+from ground.client.dive_symptoms import Symptom, SymptomKind
 from ground.client.flight import Dive, FlightResult
+from ground.missions import scaling, script
 from mavlink_io.errors import InputError
 from mavlink_io.mission_items import MavCmd
 from sysid.planes import Plane
@@ -51,6 +54,13 @@ LARGEST_DEG = {"identification/elevator_sweeps": 2.5, "identification/retest_1":
 WRITE_WHOLE = output_files.write_whole
 FLYING = "flying "
 """Begin of the name of a stage that exists only while a dive is flown."""
+SAID = "said "
+"""Begin of the name of a stage at which the campaign announces something."""
+AFLOAT_DIVES = (
+    *("prototype/trim", "identification/retest_1"),
+    *("baseline/combined", "verification/straight_run"),
+)
+"""Dives of campaigns in which one does not leave the surface."""
 
 
 class FakeSummary(msgspec.Struct):
@@ -112,8 +122,9 @@ class FakeWorker:
     def _plan_retest(self, out: Path, recommended: NextTest, mission: str) -> Any:
         return computations.plan_retest(out, recommended, mission)
 
-    def _design(self, out: Path, _: object) -> Any:
-        gain = int(digest(out / "model.json")[:6], 16) / 1e6
+    def _design(self, out: Path, _: object, rehearsed: object) -> Any:
+        text = digest(out / "model.json") + repr(rehearsed)
+        gain = int(hashlib.sha256(text.encode()).hexdigest()[:6], 16) / 1e6
         (out / "gains.param").write_text(f"HDG_P,{gain}\n")
         return SimpleNamespace(gains={"HDG_P": gain})
 
@@ -130,9 +141,18 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def run_campaign(out: Path, kill_at: str = "") -> None:
-    """Run or resume a campaign in this process, which may be killed."""
+def run_campaign(out: Path, kill_at: str = "", afloat: str = "") -> None:
+    """Run or resume a campaign in this process, which may be killed.
+
+    The dive ``afloat`` leaves the surface only with a descent at full thrust.
+    """
     stages = Stages(out, kill_at)
+
+    def symptom(self: CampaignDives, stage: str, mission: str) -> Symptom | None:
+        flown = script.load(CampaignFolder(out).mission_file(mission))
+        if f"{stage}/{mission}" != afloat or scaling.descends_at_full_thrust(flown):
+            return None
+        return Symptom(SymptomKind.AFLOAT, "depth", "does not leave the surface", "fly faster")
 
     def fly(dive: Dive, *_: object, **__: object) -> FlightResult:
         name = f"{dive.log.parent.name}/{dive.log.stem}"
@@ -145,7 +165,8 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
         sizes_deg = [abs(item.p2) for item in dive.items if item.command == MavCmd.USER_1]
         too_large = name in LARGEST_DEG and max(sizes_deg) > LARGEST_DEG[name]
         failsafes = ("Failsafe: pitch 60 deg",) if too_large else ()
-        return FlightResult(dive.log, 10.0, 1.0, len(text), 0, (), failsafes, "")
+        vehicle_s = 100.0 if name == afloat else 10.0  # its log is read
+        return FlightResult(dive.log, vehicle_s, 1.0, len(text), 0, (), failsafes, "")
 
     def write(path: Path, text: str) -> None:
         name = f"{path.relative_to(out)}{text.count('log_sha256')}"
@@ -159,6 +180,7 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
     patch.setattr(run, "Worker", lambda *_: FakeWorker(out, stages))
     patch.setattr(run, "start_fork_server", lambda: None)
     patch.setattr(CampaignDives, "_launch", lambda *_: None)
+    patch.setattr(CampaignDives, "_symptom", symptom)
     for module in (run, dives, folder_setup, dive_records):
         patch.setattr(module, "write_whole", write)
     patch.setattr(
@@ -166,16 +188,16 @@ def run_campaign(out: Path, kill_at: str = "") -> None:
     )
     patch.setattr(summary_file, "read", lambda path: None)
     request = CampaignRequest(out, resume=True)
-    Campaign(request, lambda name, at: None, lambda words: None).run()
+    Campaign(request, lambda name, at: None, lambda text: stages.reach(SAID + text)).run()
 
 
-def fork_campaign(out: Path, kill_at: str = "") -> int:
+def fork_campaign(out: Path, kill_at: str = "", afloat: str = "") -> int:
     """Run a campaign in a forked process, which has imported everything; return its status."""
     pid = os.fork()
     if not pid:
         status = 1
         try:
-            run_campaign(out, kill_at)
+            run_campaign(out, kill_at, afloat)
             status = 0
         except Exception:
             traceback.print_exc()
@@ -214,7 +236,8 @@ def check_all_stages(tmp_path: Path) -> None:
     assert reached.count(f"{FLYING}end of identification/retest_1") == 2
     ends = sum(name.startswith(f"{FLYING}end of") for name in reached)
     dives = [name for name in stages if name.startswith(FLYING)]
-    others = [name for name in stages if not name.startswith((FLYING, f"half of {RECORDS_FILE}"))]
+    uncounted = FLYING, SAID, f"half of {RECORDS_FILE}"
+    others = [name for name in stages if not name.startswith(uncounted)]
     others = [name for name in others if not name.startswith(f"end of {RECORDS_FILE}")]
     killed = [name for name in dives if name.endswith(KILLED_DIVES)] + others
     killed += [f"{part} of {RECORDS_FILE}{count}" for part in ("half", "end") for count in (1, 9)]
@@ -230,6 +253,34 @@ def check_all_stages(tmp_path: Path) -> None:
             if name.startswith(f"{FLYING}end of")
         ]
         assert len(flown) <= ends + 1, f"{stage}: dives were flown again"
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("afloat", AFLOAT_DIVES)
+def test_campaign_with_a_dive_afloat_and_resumed_is_identical(tmp_path: Path, afloat: str) -> None:
+    with process("-m", __name__, str(tmp_path), afloat) as checks:
+        ended = checks.finish(timeout_s=580.0)
+    assert ended.status == 0, ended.stderr
+
+
+def check_afloat(tmp_path: Path, afloat: str) -> None:
+    """Kill a campaign, in which a dive stays afloat, at each stage from then on, and resume it."""
+    run_campaign(tmp_path / "whole", afloat=afloat)
+    expected = results(tmp_path / "whole")
+    reached = (tmp_path / "whole.stages").read_text().splitlines()
+    assert any("descent at full thrust" in name for name in reached)
+    first = reached.index(f"{FLYING}end of {afloat}")
+    stages = dict.fromkeys(reached[first:])
+    kinds = SAID, "begin ", f"{FLYING}end of verification"
+    killed = [name for name in stages if name.startswith(kinds)]
+    assert len(killed) > 5
+    for number, stage in enumerate(killed):
+        out = tmp_path / str(number)
+        assert fork_campaign(out, kill_at=stage, afloat=afloat) == -signal.SIGKILL, stage
+        assert fork_campaign(out, afloat=afloat) == 0, stage
+        assert results(out) == expected, stage
 
 
 def test_resume_with_other_options_names_the_option(tmp_path: Path) -> None:
@@ -275,4 +326,8 @@ def test_damaged_records_are_named(tmp_path: Path, text: str) -> None:
 
 
 if __name__ == "__main__":
-    check_all_stages(Path(sys.argv[1]))
+    folder, *dive = sys.argv[1:]
+    if dive:
+        check_afloat(Path(folder), *dive)
+    else:
+        check_all_stages(Path(folder))

@@ -266,7 +266,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     computations.identify(tmp_path)
     computations._folder(tmp_path).__dict__["model"] = None
     with pytest.raises(OperationError, match="no gains"):
-        computations.design(tmp_path, {})
+        computations.design(tmp_path, {}, ())
     assert handed == [prior, prior]
 
 
@@ -278,7 +278,7 @@ def test_campaign_failed_fit_names_no_option_of_refit(
     failed = SimpleNamespace(convergence=SimpleNamespace(failures=("delay at a bound",)))
     computations._folder(tmp_path).__dict__["model"] = failed
     with pytest.raises(OperationError) as error:
-        computations.design(tmp_path, {})
+        computations.design(tmp_path, {}, ())
     assert str(error.value).startswith("the fit failed: delay at a bound; the failed model is ")
     assert "run the campaign again" in str(error.value)
     assert "--force" not in str(error.value)
