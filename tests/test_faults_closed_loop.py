@@ -11,8 +11,9 @@ from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.sensor_health import monitor
 from autopilot.control.types import Event, Inputs, ItemReached
 from mavlink_io.frames import euler_from_quaternion, rotate_back
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config as vehicles
 
@@ -208,7 +209,7 @@ def simulate(
             outputs.duct,
         )
         state, frame, trace, new_events = core.tick(state, inputs, config)
-        events += [(tick * timestep.TICK_S, event) for event in new_events]
+        events += [(tick * TICK_S, event) for event in new_events]
         if tick == 5 and depth_m:
             for request in (
                 requests.SetMode(modes.DEPTH.number),
@@ -229,7 +230,7 @@ def _row(tick: int, body: Any, outputs: Any, state: Any, trace: Any) -> dict[str
     truth, estimate = body.truth, state.estimate
     roll, pitch, heading = euler_from_quaternion(*truth.attitude_q)
     return {
-        "t_s": tick * timestep.TICK_S,
+        "t_s": tick * TICK_S,
         "roll": roll,
         "pitch": pitch,
         "heading": heading,

@@ -6,8 +6,9 @@ import msgspec
 
 from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.types import Event, Inputs
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.vehicle import config as vehicles
 
 START_M, FLOOR_M = 4.0, 7.0
@@ -44,8 +45,8 @@ def surface(*faults: dict[str, Any], after_s: float = 0.0, **values: float) -> A
     rng = plant.random_streams(SEED)
     body, outputs = plant.initial_state(sea, rng)
     state, texts, deepest_m = core.initial_state(), [], 0.0
-    surface_tick, disarmed_ticks = round(SURFACE_S / timestep.TICK_S), 0
-    for tick in range(round(LIMIT_S / timestep.TICK_S)):
+    surface_tick, disarmed_ticks = round(SURFACE_S / TICK_S), 0
+    for tick in range(round(LIMIT_S / TICK_S)):
         devices = outputs.dvl, outputs.battery, outputs.leak, outputs.duct
         inputs = Inputs(outputs.frame, outputs.gps, outputs.altimeter, None, None, *devices)
         state, frame, _, events = core.tick(state, inputs, config)
@@ -61,7 +62,7 @@ def surface(*faults: dict[str, Any], after_s: float = 0.0, **values: float) -> A
             state, answer, _ = request_handler.handle_request(state, request, config)
             assert answer.result == 0, answer.text
         disarmed_ticks += tick > surface_tick and not state.armed
-        if disarmed_ticks > after_s / timestep.TICK_S:
+        if disarmed_ticks > after_s / TICK_S:
             break
         body, outputs = plant.step(sea, body, frame, rng)
     return Ascent(texts, state.armed, body.truth.position_ned_m[2], deepest_m)

@@ -14,10 +14,9 @@ from autopilot.control import lqg
 from autopilot.control.lqg import LqgController, LqgControllers
 from mavlink_io.errors import ErrorCode, InputError
 from mavlink_io.text_files import parse_json, read_text
+from mavlink_io.tick import TICK_S
 
 FORMAT = 1
-TICK_S = 0.02
-"""Time step of the controllers."""
 MEASURED = {"heading": 2, "depth": 4}
 """Number of measurements of each controller."""
 

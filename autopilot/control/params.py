@@ -4,7 +4,6 @@ The tick reads the fields; ground stations see the names. All values travel as M
 """
 
 import math
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, NamedTuple, cast, get_type_hints
@@ -13,6 +12,7 @@ from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
 from autopilot.control.reference_model import ActuatorLead, PeakFilter
 from mavlink_io.errors import ErrorCode, InputError
+from mavlink_io.real32 import as_real32
 
 MIN_MAGNITUDE = 2.0**-126
 """Smallest magnitude of a value other than 0: the smallest normal REAL32 (IEEE 754). A design may
@@ -1333,12 +1333,12 @@ class ParamInfo(NamedTuple):
         bool
             False for NaN.
         """
-        lower = min(self.minimum, _as_real32(self.minimum))
-        upper = max(self.maximum, _as_real32(self.maximum))
+        lower = min(self.minimum, as_real32(self.minimum))
+        upper = max(self.maximum, as_real32(self.maximum))
         if not lower <= value <= upper:  # NaN is in no range
             return False
-        smallest = min(self.smallest, _as_real32(self.smallest))
-        return self.integer or value == 0.0 or _as_real32(abs(value)) >= smallest
+        smallest = min(self.smallest, as_real32(self.smallest))
+        return self.integer or value == 0.0 or as_real32(abs(value)) >= smallest
 
     @property
     def range(self) -> str:
@@ -1346,11 +1346,6 @@ class ParamInfo(NamedTuple):
         if self.name in MIN_WHEN_ON:
             return f"0, or {self.smallest:g} to {self.maximum:g} {self.unit}".rstrip()
         return f"{self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
-
-
-def _as_real32(value: float) -> float:
-    """Return a limit of the table rounded to REAL32."""
-    return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 class ParamError(InputError):

@@ -12,8 +12,9 @@ from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
 from benchmarks.redesign.campaign import Values
 from benchmarks.study import Figure
+from mavlink_io.tick import TICK_S
 from sysid.control_analysis import loop_transfer
-from sysid.control_analysis.loop_transfer import TICK_S, Margins
+from sysid.control_analysis.loop_transfer import Margins
 from sysid.design import lqg as optimal
 from sysid.design import pid as design
 from sysid.design.design_model import from_model

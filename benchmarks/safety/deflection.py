@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from benchmarks.safety import cases, flight
 from benchmarks.safety.cases import Case, Leg
-from sitl.core import plant, timestep
+from mavlink_io.tick import TICK_S
+from sitl.core import plant
 
 SENSORS = (
     "gyro",
@@ -76,7 +77,7 @@ def longest_full_s(case: Case) -> float:
     count = min(len(flown.mode), len(healthy.mode))
     same_mode = flown.mode[:count] == healthy.mode[:count]
     full = flown.full[:count] & ~healthy.full[:count] & same_mode[:, None]
-    return timestep.TICK_S * max(_longest_run(surface) for surface in full.T)
+    return TICK_S * max(_longest_run(surface) for surface in full.T)
 
 
 @lru_cache
@@ -91,7 +92,7 @@ def fly_commands(case: Case) -> CommandHistory:
     body, reading = plant.initial_state(sea.parts, sea.rng)
     pilot, mode = flight.new_pilot(), 0
     full, history = list[tuple[bool, bool]](), list[int]()
-    for tick in range(round(END_S / timestep.TICK_S)):
+    for tick in range(round(END_S / TICK_S)):
         frame, events = flight.step_pilot(pilot, flight.inputs_of(reading, 0.0), config)
         if tick == flight.BEGIN_TICK:
             flight.begin(case, pilot, config)

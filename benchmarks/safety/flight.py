@@ -17,8 +17,9 @@ from mavlink_io import jit
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.records import ActuatorFrame
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sysid.design import initial
 
 LIMIT_S = 1500.0
@@ -40,7 +41,7 @@ dive: it is observed for SETTLE_S."""
 RESTING_MPS, RESTING_S = 0.01, 10.0
 """Speed and duration of a vehicle at rest."""
 LOOK_TICKS = 5
-LOOK_S = LOOK_TICKS * timestep.TICK_S
+LOOK_S = LOOK_TICKS * TICK_S
 """Interval at which the true motion is looked at."""
 BEGIN_TICK = 2
 """Tick after which the mission is loaded and started."""
@@ -121,9 +122,9 @@ def _fly(case: Case) -> Outcome:
     fault_s = first_fault_s(case)
     contact_s, deepest_m, ended_s, resting_s = math.nan, 0.0, math.nan, 0.0
     heard_s, surface_s, now_s = 0.0, -math.inf, 0.0
-    for tick in range(round((LIMIT_S + SETTLE_S) / timestep.TICK_S)):
-        now_s = tick * timestep.TICK_S
-        if now_s % HEARTBEAT_S < timestep.TICK_S and link.random() >= case.link_loss:
+    for tick in range(round((LIMIT_S + SETTLE_S) / TICK_S)):
+        now_s = tick * TICK_S
+        if now_s % HEARTBEAT_S < TICK_S and link.random() >= case.link_loss:
             heard_s = now_s
         frame, events = step_pilot(pilot, inputs_of(reading, now_s - heard_s), config)
         warnings += [
@@ -211,8 +212,8 @@ def oracle_contact_s(case: Case) -> float:
     hull, fault_s = sea.parts.vessel.model.hydrostatics, first_fault_s(case)
     body, reading = plant.initial_state(sea.parts, sea.rng)
     pilot, afloat_s = new_pilot(), 0.0
-    for tick in range(round((fault_s + ORACLE_S) / timestep.TICK_S)):
-        now_s = tick * timestep.TICK_S
+    for tick in range(round((fault_s + ORACLE_S) / TICK_S)):
+        now_s = tick * TICK_S
         if now_s < fault_s:
             frame, _ = step_pilot(pilot, inputs_of(reading, 0.0), config)
             if tick == BEGIN_TICK:

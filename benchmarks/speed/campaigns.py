@@ -15,7 +15,7 @@ from benchmarks.speed.results import Measurement, Reference
 from benchmarks.speed.session import Session
 from ground.campaign.computations import FITTED, HELD_OUT
 from mavlink_io.errors import OperationError
-from sitl.core import timestep
+from mavlink_io.tick import TICK_S
 from sysid.trials import usable_cores
 
 FIRST_RESULT = "steady error"
@@ -108,7 +108,7 @@ def _clone(folder: Path) -> None:
 def _floor_s(campaign: Path) -> float:
     """Return the time in which all cores exchange the datagrams of all ticks of a campaign."""
     summary = json.loads((campaign / "summary.json").read_text(encoding="utf-8"))
-    ticks = float(summary["vehicle_s"]) / timestep.TICK_S
+    ticks = float(summary["vehicle_s"]) / TICK_S
     return ticks * ping_pong.round_trip_us() / 1e6 / usable_cores()
 
 

@@ -19,6 +19,7 @@ from benchmarks.speed.session import Session
 from ground.missions import plans
 from mavlink_io.errors import OperationError
 from mavlink_io.records import ActuatorFrame
+from mavlink_io.tick import TICK_S, TICK_US
 from sitl import scenario
 from sitl.core import plant, timestep
 from sitl.core.plant import Plant, PlantState, RandomStreams
@@ -78,7 +79,7 @@ def tick_by_tick(ticks: int) -> float:
 def speed() -> float:
     """Return the speed tick by tick, as a multiple of real time; the first ticks warm up."""
     tick_by_tick(50)
-    return TICKS * timestep.TICK_S / tick_by_tick(TICKS)
+    return TICKS * TICK_S / tick_by_tick(TICKS)
 
 
 def measure(session: Session) -> list[Measurement]:
@@ -106,7 +107,7 @@ def measure_plain_tick(session: Session) -> list[Measurement]:
 
 def _share(printed: str) -> float:
     """Return the share of a core (%) at 50 Hz from the time of a tick (us)."""
-    return 100.0 * float(printed) / timestep.TICK_US
+    return 100.0 * float(printed) / TICK_US
 
 
 def tick_us(ticks: int) -> float:

@@ -7,7 +7,7 @@ from ground.client import flight
 from ground.client.flight import FlightResult
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from mavlink_io.errors import OperationError
-from sitl.core import timestep
+from mavlink_io.tick import TICK_S
 
 MISSION = "combined"
 PING_PONG = "UDP ping-pong on one core"
@@ -33,7 +33,7 @@ def measure(session: Session) -> list[Measurement]:
         alone.append(closed_loop.speed())
         result = recorded_dive(session, number)
         speeds.append(result.vehicle_s / result.wall_s)
-        ticks_us.append(1e6 * timestep.TICK_S / speeds[-1])
+        ticks_us.append(1e6 * TICK_S / speeds[-1])
         session.report(
             f"dive {number}: {speeds[-1]:.0f} x real time, {ticks_us[-1]:.0f} us a tick;"
             f" ping-pong {floors_us[-1]:.1f} us"

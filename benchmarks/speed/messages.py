@@ -14,8 +14,9 @@ from mavlink_io.codec import Frame, Framer
 from mavlink_io.dialect import MessageType
 from mavlink_io.fixed_frame import FIELDS, FixedFrame
 from mavlink_io.records import ActuatorFrame, SensorFrame
+from mavlink_io.tick import TICK_US
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.vehicle import config
 
 SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
@@ -106,7 +107,7 @@ def _telemetry() -> list[Frame]:
     ]
     for tick in range(RECORDED_TICKS):
         for message, field in zip(messages, fields, strict=True):
-            time_us = tick * timestep.TICK_US
+            time_us = tick * TICK_US
             stamp = {field: time_us if field == "time_usec" else time_us // 1000}
             values = message.values(**{**_ramp(message, 0.001 * tick), **stamp})
             frames += framer.feed(codec.encode(message, values, tick & 0xFF, SYSTEM, COMPONENT))

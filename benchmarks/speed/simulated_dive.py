@@ -8,6 +8,7 @@ from benchmarks.speed.closed_loop import PHYSICS_ALONE
 from benchmarks.speed.results import Measurement, Reference
 from benchmarks.speed.session import Session
 from ground.missions import plans
+from mavlink_io.tick import TICK_S
 from sitl.core import timestep
 from sitl.vehicle import config
 from sysid.monte_carlo import samples, simulate
@@ -54,7 +55,7 @@ def measure_four_steps(session: Session) -> list[Measurement]:
 
 def measure_one_step(session: Session) -> list[Measurement]:
     """Measure `closed-loop-20ms`."""
-    return [_speed(session, "closed-loop-20ms", timestep.TICK_S, fine_steps=False)]
+    return [_speed(session, "closed-loop-20ms", TICK_S, fine_steps=False)]
 
 
 def _speed(session: Session, row: str, step_s: float, *, fine_steps: bool) -> Measurement:

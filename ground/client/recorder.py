@@ -235,6 +235,6 @@ class Recorder:
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the codec lets only known messages pass"
         channel = self._log.channel(frame.system, frame.component, message)
-        stream = _Stream(channel, ros1.vehicle_time_reader(message))
+        stream = _Stream(channel, ros1.time_reader(message.message_id))
         self._streams[frame.system, frame.component, frame.message_id] = stream
         return stream

@@ -151,4 +151,4 @@ def _first_gap(name: str, samples: list[tuple[float, bytes]]) -> Gap | None:
 def _decoder(name: str) -> tuple[np.dtype[Any], Callable[[bytes], int | None] | None]:
     """Return the record type of a payload and the function that reads its time (us)."""
     message = dialect.by_name(name)
-    return ros1.record_type(schemas.schema_text(message)), schemas.vehicle_time_reader(message)
+    return ros1.record_type(schemas.schema_text(message)), schemas.time_reader(message.message_id)

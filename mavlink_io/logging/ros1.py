@@ -73,33 +73,9 @@ def schema_text(message: MessageType) -> str:
     return "".join(_line(field) for field in message.fields)
 
 
-def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] | None:
-    """Return a function that reads the vehicle time from a payload.
-
-    Parameters
-    ----------
-    message : MessageType
-        Type of the message.
-
-    Returns
-    -------
-    callable or None
-        Function of the full-length payload that returns the vehicle time in microseconds, or None
-        if the field contains a UNIX time. None for a message without a time field.
-    """
-    offset = 0
-    for field in message.fields:
-        kind = _SCALARS[field.type][1]
-        scale = _TIME_SCALES_US.get((field.name, field.type))
-        if scale is not None and not field.array_length:
-            return _reader(struct.Struct(f"<{kind}"), offset, scale)
-        offset += struct.calcsize(kind) * max(1, field.array_length)
-    return None
-
-
 @cache
 def time_reader(message_id: int) -> Callable[[bytes], int | None] | None:
-    """Return the function of `vehicle_time_reader` for the number of a message.
+    """Return a function that reads the vehicle time from a payload.
 
     Parameters
     ----------
@@ -109,10 +85,18 @@ def time_reader(message_id: int) -> Callable[[bytes], int | None] | None:
     Returns
     -------
     callable or None
-        As of `vehicle_time_reader`; None also if the dialect does not define the message.
+        Function of the full-length payload that returns the vehicle time in microseconds, or None
+        if the field contains a UNIX time. None for a message without a time field, or one that the
+        dialect does not define.
     """
-    message = dialect.by_id(message_id)
-    return vehicle_time_reader(message) if message else None
+    message, offset = dialect.by_id(message_id), 0
+    for field in message.fields if message else ():
+        kind = _SCALARS[field.type][1]
+        scale = _TIME_SCALES_US.get((field.name, field.type))
+        if scale is not None and not field.array_length:
+            return _reader(struct.Struct(f"<{kind}"), offset, scale)
+        offset += struct.calcsize(kind) * max(1, field.array_length)
+    return None
 
 
 def _reader(number: struct.Struct, offset: int, scale: int) -> Callable[[bytes], int | None]:

@@ -7,7 +7,7 @@ at all.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 from mavlink_io.dialect import constant, enum_names
 from mavlink_io.frame_order import FrameOrder
@@ -23,6 +23,8 @@ from mavlink_io.mission_items import (
     MissionItem,
 )
 from mavlink_io.request import Exchange, MavlinkId, Send
+
+T = TypeVar("T")
 
 ACCEPTED = constant("MAV_MISSION_ACCEPTED")
 NO_SPACE = constant("MAV_MISSION_NO_SPACE")
@@ -132,8 +134,6 @@ class MissionClient:
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._participants = send, own, peer
         self._order = FrameOrder()
-        """Order of the vehicle's frames over all uploads and downloads: an answer to an earlier one
-        is late."""
         self._last_upload: _Upload | None = None
 
     def upload(
@@ -156,9 +156,8 @@ class MissionClient:
         last = self._last_upload
         self._last_upload = _Upload(
             *self._participants,
+            _Plan(mission_type, self._order),
             tuple(items),
-            self._order,
-            mission_type,
             after_failure=last is not None and not last.accepted,
         )
         return self._last_upload
@@ -176,7 +175,7 @@ class MissionClient:
         Exchange
             Its result is the tuple of items.
         """
-        return _PlanDownload(*self._participants, self._order, mission_type)
+        return _PlanDownload(*self._participants, _Plan(mission_type, self._order))
 
     def clear(self) -> Exchange[None]:
         """Remove all items of the vehicle's mission.
@@ -204,7 +203,26 @@ class MissionClient:
         return _SetCurrent(*self._participants, sequence)
 
 
-class _Upload(Exchange[None]):
+class _Plan(NamedTuple):
+    """Plan of an exchange, and the order of the vehicle's frames."""
+
+    mission_type: int
+    """MAV_MISSION_TYPE."""
+    order: FrameOrder
+    """Of all uploads and downloads of a client: an answer to an earlier one is late."""
+
+
+class _PlanExchange(Exchange[T]):
+    """Exchange of the items of a plan, which ignores frames that the link has delivered late."""
+
+    in_order = True
+
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, plan: _Plan) -> None:
+        super().__init__(send, own, peer)
+        self._type, self._order = plan
+
+
+class _Upload(_PlanExchange[None]):
     """Announce the number of items, then send each item that the vehicle requests.
 
     After an upload that failed, the vehicle may still receive a late MISSION_COUNT of it, and would
@@ -218,24 +236,21 @@ class _Upload(Exchange[None]):
     message_names = frozenset(
         ("MISSION_COUNT", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
     )
-    in_order = True
 
     def __init__(
         self,
         send: Send,
         own: MavlinkId,
         peer: MavlinkId,
+        plan: _Plan,
         items: tuple[MissionItem, ...],
-        order: FrameOrder,
-        mission_type: int,
         *,
         after_failure: bool,
     ) -> None:
-        super().__init__(send, own, peer)
-        self._order, self._type = order, mission_type
+        super().__init__(send, own, peer, plan)
         self._awaits_count = after_failure
         self._items = tuple(
-            item._replace(sequence=n, mission_type=mission_type) for n, item in enumerate(items)
+            item._replace(sequence=n, mission_type=self._type) for n, item in enumerate(items)
         )
         self._requested_item: int | None = None
 
@@ -289,22 +304,13 @@ class _Upload(Exchange[None]):
         return f"the upload of {len(self._items)} items of the {_PLAN_NAMES[self._type]}"
 
 
-class _PlanDownload(Exchange[tuple[MissionItem, ...]]):
+class _PlanDownload(_PlanExchange[tuple[MissionItem, ...]]):
     """Request the number of items, then each item in order."""
 
     message_names = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
-    in_order = True
 
-    def __init__(
-        self,
-        send: Send,
-        own: MavlinkId,
-        peer: MavlinkId,
-        order: FrameOrder,
-        mission_type: int,
-    ) -> None:
-        super().__init__(send, own, peer)
-        self._order, self._type = order, mission_type
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, plan: _Plan) -> None:
+        super().__init__(send, own, peer, plan)
         self._count: int | None = None
         self._items: list[MissionItem] = []
 

@@ -17,6 +17,7 @@ from mavlink_io.codec import Frame, largest_frame
 from mavlink_io.dialect import by_name, constant
 from mavlink_io.frame_order import MAX_LATE_S, FrameCounter, FrameOrders
 from mavlink_io.param_bytes import INTEGER_FORMATS, decode_bytewise
+from mavlink_io.real32 import as_real32
 from mavlink_io.request import Client, Exchange, MavlinkId, RoomBytes, Send
 
 T = TypeVar("T")
@@ -44,27 +45,6 @@ _REASONS = {
     OUT_OF_RANGE: "the value is out of range",
     constant("MAV_PARAM_ERROR_READ_ONLY"): "it cannot be changed",
 }
-
-
-def as_real32(value: float) -> float:
-    """Round a number to float32.
-
-    Parameters
-    ----------
-    value : float
-        Any number.
-
-    Returns
-    -------
-    float
-        The nearest float32.
-
-    Raises
-    ------
-    OverflowError
-        The number is beyond the range of float32.
-    """
-    return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 class ParamProvider(Protocol):

@@ -19,11 +19,12 @@ from typing import NamedTuple
 
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame, Altimeter, Battery
+from mavlink_io.tick import TICK_US
 from mavlink_io.transport import Transport, wait
 from sitl.backends.servo_outputs import ServoOutputs, controls_from_outputs
 from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
-from sitl.core.timestep import TICK_US, Timestep
+from sitl.core.timestep import Timestep
 from sitl.core.truth import Truth
 from sitl.faults.failure_injection import InjectionResult
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-TICK_US = 20_000
-TICK_S = TICK_US * 1e-6
-"""Tick of Caribou's own autopilot; other autopilots have their own."""
+from mavlink_io.tick import TICK_US
+
 SUBSTEP_US = 5_000
 SUBSTEP_S = SUBSTEP_US * 1e-6
 """Longest integration step."""
@@ -16,7 +15,7 @@ class Timestep(NamedTuple):
     """Tick length, and whether the IMU is sampled in every tick."""
 
     tick_us: int = TICK_US
-    """Time from one sensor frame to the next."""
+    """Time from one sensor frame to the next; other autopilots have their own."""
     imu_every_tick: bool = False
     """Whether the IMU delivers a sample every tick instead of at its data sheet's rate."""
 

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from mavlink_io.frames import wrap_pi
 from mavlink_io.jit import entry_point
+from mavlink_io.tick import TICK_S
 from sysid.models.linear_planes import LinearPlane
 from sysid.planes import PLANES, Plane
 
@@ -44,7 +45,6 @@ ComplexArray = NDArray[np.complex128]
 Gains = Mapping[str, float]
 """Loop gains by parameter name, as in Table 3 of the paper."""
 
-TICK_S = 0.02
 SAMPLING_S = 1.5 * TICK_S
 """Extra delay (s) from sampling at 50 Hz: half a tick of hold and one tick of computation."""
 

@@ -7,6 +7,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from mavlink_io.tick import TICK_S
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains
 from sysid.design.design_model import DesignModel
@@ -256,7 +257,7 @@ def noise_above_grid_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> fl
 
 def _above_grid(shaped: ComplexArray) -> float:
     """Return the integral of |K F|^2 from the end of the grid up to half the sample rate."""
-    return float(abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1]))
+    return float(abs(shaped[-1]) ** 2 * (math.pi / TICK_S - GRID_RADPS[-1]))
 
 
 def noise_rms(vehicle: DesignModel, plane: Plane, gains: Gains) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, expm, solve_discrete_are, solve_discrete_lyapunov
 
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.design.design_model import DesignModel, outputs
 from sysid.design.disturbance_response import DEPTH_RATE_S, NOISE_STEP_S
 from sysid.design.specification import MinimumVariance, Response

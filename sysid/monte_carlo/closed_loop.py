@@ -10,7 +10,7 @@ from autopilot.control.excitation import ExcitationOutput
 from autopilot.control.steady import SteadyState, Task
 from autopilot.control.types import US_PER_S, Excitation, Trace
 from mavlink_io.jit import Native, entry_point, numeric
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.monte_carlo import dynamics, instruments
 from sysid.monte_carlo.dynamics import DEPTH
 

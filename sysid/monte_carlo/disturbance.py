@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.jit import entry_point
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.estimation.map import steady_state
 from sysid.models import noise
 from sysid.models.noise import Noise

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink_io.jit import Native, entry_point, kernel, native
+from mavlink_io.tick import TICK_S
 from sitl.core import tailcone
 from sitl.core.body import Body, integrate, is_clear, step_axes
 from sitl.vehicle import dynamics
 from sitl.vehicle.vectors import Vector3
 from sitl.vehicle.water import Water
-from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models import greybox
 from sysid.models.parameters import CandidateVehicle
 from sysid.planes import Plane

@@ -18,7 +18,7 @@ from autopilot.control.params import Config
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 from mavlink_io.jit import numeric
 from mavlink_io.records import SENSORS_ALL, SensorFrame
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.models.noise import Noise
 from sysid.monte_carlo import disturbance
 from sysid.monte_carlo.disturbance import BLOCK

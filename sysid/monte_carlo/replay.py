@@ -19,8 +19,8 @@ from autopilot.control.lqg import LqgControllers
 from autopilot.control.types import Home
 from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.tick import TICK_S
 from sitl.vehicle.water import drifting
-from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data import state_table
 from sysid.data.dataset import Array, Log, LogError
 from sysid.data.events import Armed, ModeChanged

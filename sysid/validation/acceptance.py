@@ -421,24 +421,17 @@ def _held_out(
 def _by_held_out(plane: Plane, validation: PlaneValidation) -> Iterator[AcceptanceCheck]:
     """Yield the criteria of the correction of gain and phase at crossover by the held-out runs."""
     found, own, structure = validation.correction, validation.crossover, validation.model_error
-    gains = (
-        None if found is None else abs(found.gain_db),
-        None if found is None else found.gain_sd_db,
-        None if own is None else own.gain_sd_db,
-        None if structure is None else structure.gain_db,
-    )
-    phases = (
-        None if found is None else abs(found.phase_deg),
-        None if found is None else found.phase_sd_deg,
-        None if own is None else own.phase_sd_deg,
-        None if structure is None else structure.phase_deg,
-    )
-    for name, limit, unit, (change, sd, own_sd, structure_sd) in (
-        (GAIN_CHECK, GAIN_DB, "dB", gains),
-        (PHASE_CHECK, PHASE_DEG, "deg", phases),
+    changes = (found.gain_db, found.phase_deg) if found else (None, None)
+    sds = (found.gain_sd_db, found.phase_sd_deg) if found else (None, None)
+    own_sds = (own.gain_sd_db, own.phase_sd_deg) if own else (None, None)
+    structure_sds = (structure.gain_db, structure.phase_deg) if structure else (None, None)
+    criteria = (GAIN_CHECK, GAIN_DB, "dB"), (PHASE_CHECK, PHASE_DEG, "deg")
+    for (name, limit, unit), change, sd, own_sd, structure_sd in zip(
+        criteria, changes, sds, own_sds, structure_sds, strict=True
     ):
         largest = _max_change(limit, sd or 0.0, own_sd or 0.0, structure_sd or 0.0)
-        yield _check(f"{name}{OFF_BY}", plane, change, "at most", largest, unit)
+        size = None if change is None else abs(change)
+        yield _check(f"{name}{OFF_BY}", plane, size, "at most", largest, unit)
         yield _check(f"{name}1 sd", plane, sd, "at most", 0.5 * limit, unit)
 
 

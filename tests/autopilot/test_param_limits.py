@@ -17,8 +17,8 @@ from autopilot.control.params import (
 from autopilot.control.setpoints import MotionTarget
 from autopilot.control.types import AutopilotState, Inputs, Stick
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.real32 import as_real32
 from mavlink_io.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak
-from mavlink_io.services.params import as_real32
 from tests.helpers.missions import leg, sensors
 
 TICKS = 6

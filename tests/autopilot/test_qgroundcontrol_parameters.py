@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control.params import PARAMETERS
 from autopilot.telemetry.autopilot_id import AutopilotId
-from mavlink_io.services.params import as_real32
+from mavlink_io.real32 import as_real32
 from tests.autopilot.qgroundcontrol import AUTOPILOT, REQUEST_MESSAGE, Connection, Ftp, connect
 from tests.helpers.fake_hil import only, texts
 

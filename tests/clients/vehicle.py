@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from autopilot.control.params import PARAMETERS
-from mavlink_io.services.params import as_real32
+from mavlink_io.real32 import as_real32
 
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 """Default of each parameter as clients receive it."""

@@ -11,8 +11,9 @@ from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.types import ACCEPTED, Event, Inputs, Trace
 from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.environment_schema import CurrentConfig, Variation
 from sitl.vehicle import config as vehicles
 
@@ -91,7 +92,7 @@ class Voyage:
         )
 
     def sail(self, seconds: float, *, until_disarmed: bool = False) -> "Voyage":
-        for _ in range(round(seconds / timestep.TICK_S)):
+        for _ in range(round(seconds / TICK_S)):
             self.body, reading = plant.step(self._plant, self.body, self._frame, self._rng)
             self._frame = self._tick(reading)
             if until_disarmed and not self.state.armed:

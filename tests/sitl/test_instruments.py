@@ -11,8 +11,9 @@ from numpy.random import default_rng
 from mavlink_io import jit
 from mavlink_io.frames import quaternion_from_euler
 from mavlink_io.records import Dvl, SensorFrame
+from mavlink_io.tick import TICK_S, TICK_US
 from sitl import scenario
-from sitl.core import environment, plant, timestep
+from sitl.core import environment, plant
 from sitl.core.draws import AT_START, PER_TICK
 from sitl.core.environment import Environment
 from sitl.core.sensors import (
@@ -39,7 +40,7 @@ from sitl.scenario import Scenario
 from sitl.vehicle import config
 from tests.sitl.core.test_sensors import AT_REST, SEA, TRUE_VEHICLE
 
-TICK_US = timestep.TICK_US
+TICK_US = TICK_US
 CATALOGUE = datasheets.catalogue()
 
 
@@ -88,9 +89,7 @@ def observed(truth: Truth) -> TrueMotion:
 
 
 def deep(floor_depth_m: float) -> Environment:
-    return environment.build(
-        Scenario(floor=FloorTable(depth_m=floor_depth_m)), 9.81, timestep.TICK_S
-    )
+    return environment.build(Scenario(floor=FloorTable(depth_m=floor_depth_m)), 9.81, TICK_S)
 
 
 def moving(velocity: tuple[float, float, float], depth_m: float = 5.0, **changes: Any) -> Truth:
@@ -228,7 +227,7 @@ class Receiver:
     def fixes(self, seconds: float, depth_m: float) -> list[int]:
         """Return the fix types received in a number of seconds at a depth."""
         received = []
-        for _ in range(round(seconds / timestep.TICK_S)):
+        for _ in range(round(seconds / TICK_S)):
             truth = moving((0.0, 0.0, 0.0), depth_m, time_us=self.time_us)
             fix = self.fitted.sample(truth).gps
             self.time_us += TICK_US

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from mavlink_io.tick import TICK_US
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.truth_log import TOPIC, TruthLog
 from sitl.vehicle import config
 
@@ -20,7 +21,7 @@ def test_log_time_is_start_plus_vehicle_time(tmp_path: Path) -> None:
     )[0].truth
     log = TruthLog(tmp_path / "truth.mcap")
     for tick in range(5):
-        log.write(truth._replace(time_us=tick * timestep.TICK_US))
+        log.write(truth._replace(time_us=tick * TICK_US))
     log.close()
     with (tmp_path / "truth.mcap").open("rb") as file:
         found = [

@@ -11,6 +11,7 @@ from typing import Any
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.real32 import as_real32
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.ftp.client import FileClient
 from mavlink_io.services.ftp.payload import crc32
@@ -19,7 +20,7 @@ from mavlink_io.services.ftp.tree import FileTree
 from mavlink_io.services.log_transfer.client import LogClient
 from mavlink_io.services.mission_server import MissionServer
 from mavlink_io.services.missions import MissionClient
-from mavlink_io.services.params import ParamClient, ParamServer, as_real32
+from mavlink_io.services.params import ParamClient, ParamServer
 from tests.helpers.lossy_link import GROUND, VEHICLE
 from tests.mavlink_io.services.log_transfer.test_server import Shelf, server_of
 from tests.mavlink_io.services.test_missions import Store

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from autopilot.control import lqg as state_space
 from autopilot.control import lqg_file
 from autopilot.control.lqg import LqgControllers
+from mavlink_io.tick import TICK_S
 from mavlink_io.user_data_dir import write_output
 from sitl.vehicle.config import VehicleConfig
-from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
 from sysid.design import constraints, design_model, disturbance_response, minimum_variance
@@ -252,7 +252,7 @@ def tick_controllers(
 
     The initial observer state follows from the measurements by the pseudo-inverse of C.
     """
-    step, measured = discretise(controller, loop_transfer.TICK_S), design_model.outputs(plane)
+    step, measured = discretise(controller, TICK_S), design_model.outputs(plane)
     initial_state_map = np.zeros((len(controller.B), len(measured)))
     initial_state_map[: len(plane.B)] = np.linalg.pinv(measured)
     rows = np.column_stack([step.A, step.B, step.L])

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.control_analysis import loop_state_space, loop_transfer, modal
+from mavlink_io.tick import TICK_S
+from sysid.control_analysis import loop_state_space, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
@@ -27,7 +28,7 @@ ComplexArray = NDArray[np.complex128]
 
 PADE_ORDER = 4
 """Order of the Pade delay in closed-loop poles."""
-HIGH_GRID_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / loop_transfer.TICK_S, 40)
+HIGH_GRID_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / TICK_S, 40)
 """Frequencies (rad/s) from the end of the grid to half the sample rate."""
 
 

@@ -19,7 +19,8 @@ from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
 from mavlink_io import jit
 from mavlink_io.jit import Native, entry_point, numeric
-from sysid.control_analysis.loop_transfer import SAMPLING_S, TICK_S, Lag
+from mavlink_io.tick import TICK_S
+from sysid.control_analysis.loop_transfer import SAMPLING_S, Lag
 from sysid.design.design_model import DesignModel
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane

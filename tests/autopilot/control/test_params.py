@@ -21,7 +21,7 @@ from autopilot.control.params import (
     find_conflict,
 )
 from autopilot.param_file import lines, load, to_text
-from mavlink_io.services.params import as_real32
+from mavlink_io.real32 import as_real32
 from tests.helpers.missions import Flight
 
 

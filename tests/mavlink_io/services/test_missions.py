@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.real32 import as_real32
 from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.services import missions
 from mavlink_io.services.mission_server import (
@@ -19,7 +20,6 @@ from mavlink_io.services.mission_server import (
     MissionServer,
 )
 from mavlink_io.services.missions import MissionClient
-from mavlink_io.services.params import as_real32
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle
 
 OTHER_GROUND = MavlinkId(255, 230)

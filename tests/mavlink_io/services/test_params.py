@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode, encode_payload
 from mavlink_io.frame_order import MAX_LATE_S
+from mavlink_io.real32 import as_real32
 from mavlink_io.request import ExchangeError
 from mavlink_io.services.params import (
     DOES_NOT_EXIST,
@@ -20,7 +21,6 @@ from mavlink_io.services.params import (
     ParamClient,
     ParamServer,
     ValueOrder,
-    as_real32,
     requested_value,
 )
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle

@@ -9,15 +9,16 @@ from msgspec.structs import replace
 
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
 from sitl.environment_schema import CurrentConfig
 from sitl.scenario import Scenario, StartTable
 from sitl.vehicle import config
 
-TICKS_PER_S = round(1.0 / timestep.TICK_S)
+TICKS_PER_S = round(1.0 / TICK_S)
 
 
 def put(vehicle: str, sea: Scenario) -> Plant:

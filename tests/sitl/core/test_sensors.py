@@ -9,8 +9,9 @@ from msgspec.structs import replace
 
 from mavlink_io.frames import flip, flip_quaternion, quaternion_from_euler, rotate
 from mavlink_io.records import SENSORS_ALL, ActuatorFrame, SensorFrame
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import environment, plant, timestep
+from sitl.core import environment, plant
 from sitl.core import state as layout
 from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
@@ -20,7 +21,7 @@ from sitl.vehicle.config import Instruments, VehicleFileError
 from sitl.vehicle.dynamics import POSITION, QUATERNION
 
 TRUE_VEHICLE = config.load("caribou_truth")
-SEA = environment.build(scenario.load("calm"), 9.81, timestep.TICK_S)
+SEA = environment.build(scenario.load("calm"), 9.81, TICK_S)
 AT_REST = Truth(
     time_us=0,
     position_ned_m=(0.0, 0.0, 5.0),
@@ -161,7 +162,7 @@ def test_specific_force_is_acceleration_minus_gravity() -> None:
         truths.append(state.truth)
     velocity = np.array([truth.velocity_ned_mps for truth in truths])
     force = np.array([rotate(truth.attitude_q, truth.specific_force_mps2) for truth in truths])
-    acceleration = (velocity[2:] - velocity[:-2]) / (2.0 * timestep.TICK_S)
+    acceleration = (velocity[2:] - velocity[:-2]) / (2.0 * TICK_S)
     gravity = (0.0, 0.0, sea.sea.gravity_mps2)
     np.testing.assert_allclose(force[1:-1] + gravity, acceleration, atol=2e-4)
     assert np.max(np.abs(acceleration)) > 0.02

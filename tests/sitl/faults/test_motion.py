@@ -9,8 +9,9 @@ import pytest
 
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import plant, timestep
+from sitl.core import plant
 from sitl.core.truth import Truth
 from sitl.faults import body
 from sitl.vehicle import build_model, config
@@ -20,7 +21,7 @@ FROM_S = 5.0
 
 def control(tick: int) -> ActuatorFrame:
     """Return a slow sine of half travel on both axes, and a thrust that changes after 10 s."""
-    turn = 0.5 * sin(2 * pi * 0.1 * tick * timestep.TICK_S)
+    turn = 0.5 * sin(2 * pi * 0.1 * tick * TICK_S)
     return ActuatorFrame(0, 1, (turn, -turn, 0.58 if tick < 500 else 0.3, *(0.0,) * 13), 129)
 
 
@@ -44,7 +45,7 @@ def run(
     rng = plant.random_streams(2)
     state, _ = plant.initial_state(sea, rng)
     truths = []
-    for tick in range(round(seconds / timestep.TICK_S)):
+    for tick in range(round(seconds / TICK_S)):
         state, _ = plant.step(sea, state, controls(tick), rng)
         truths.append(state.truth)
     return truths
@@ -71,7 +72,7 @@ def test_axis_faults_change_duct_angle(unit: str) -> None:
     assert broken("off")[-1] == pytest.approx(0.0, abs=0.1)
     assert broken("biased", angle_deg=2.5) - sound == pytest.approx(np.full(sound.size, 2.5))
     slow = broken("slow", rate_degps=1.0)
-    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * timestep.TICK_S, rel=1e-6)
+    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * TICK_S, rel=1e-6)
     noise = broken("noisy", rms_deg=0.5) - sound
     assert noise.std() == pytest.approx(0.5, rel=0.1)
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.15

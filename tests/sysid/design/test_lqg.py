@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 
+from mavlink_io.tick import TICK_S
 from sysid.control_analysis import loop_state_space, loop_transfer
-from sysid.control_analysis.loop_transfer import TICK_S, Lag
+from sysid.control_analysis.loop_transfer import Lag
 from sysid.control_analysis.margins import Planes
 from sysid.design import lqg as optimal
 from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build, outputs

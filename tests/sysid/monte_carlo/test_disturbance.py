@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.models.noise import Noise
 from sysid.monte_carlo import disturbance, instruments
 from sysid.monte_carlo.dynamics import DEPTH

@@ -11,7 +11,7 @@ from autopilot.control.lqg import LqgControllers
 from autopilot.control.types import Home, VehicleEstimate
 from ground.missions import plans
 from mavlink_io.mission_items import FENCE_TYPE, RALLY_TYPE, MavCmd, MissionItem
-from sysid.control_analysis.loop_transfer import TICK_S
+from mavlink_io.tick import TICK_S
 from sysid.data.dataset import Log, LogError, LogEvent, Position
 from sysid.data.events import Armed
 from sysid.monte_carlo import instruments, replay, samples, simulate

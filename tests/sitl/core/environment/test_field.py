@@ -11,8 +11,9 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from mavlink_io.records import ActuatorFrame
+from mavlink_io.tick import TICK_S
 from sitl import scenario
-from sitl.core import environment, plant, timestep
+from sitl.core import environment, plant
 from sitl.core.draws import BLOCK, DRIFT
 from sitl.core.environment import current, field
 from sitl.core.environment.field import WaterField
@@ -50,7 +51,7 @@ LONG_WAVE = Waves(
 
 
 def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> WaterField:
-    sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S, half_length_m)
+    sea = environment.build(what, bodies.GRAVITY_MPS2, TICK_S, half_length_m)
     return environment.draw_waves(sea, default_rng(seed)).field
 
 
@@ -111,7 +112,7 @@ def test_wave_pressure_gradient_matches_acceleration() -> None:
     """Linearised Euler: rho v_t = -grad p; gauge pressure at the elevation is zero to 2nd order."""
     waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
     what = Scenario(waves=waves)
-    sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S)
+    sea = environment.build(what, bodies.GRAVITY_MPS2, TICK_S)
     own = environment.draw_waves(sea, default_rng(1))
     h = 1e-4
 
@@ -176,7 +177,7 @@ def test_neutral_sphere_follows_fluid_particle() -> None:
 
 @pytest.mark.parametrize("name", ["calm", "disturbed", "under_ice"])
 def test_uniform_water_draws_no_random_numbers(name: str) -> None:
-    sea = environment.build(scenario.load(name), 9.81, timestep.TICK_S)
+    sea = environment.build(scenario.load(name), 9.81, TICK_S)
     swell, draws = default_rng(1), plant.random_streams(1).draws
     before: Any = swell.bit_generator.state
     own = environment.draw_waves(sea, swell)
@@ -195,7 +196,7 @@ def test_uniform_water_equals_sampled_field() -> None:
         ice=Ice(draft_m=0.5),
         floor=FloorTable(depth_m=12.0),
     )
-    sea = environment.build(what, 9.81, timestep.TICK_S, 1.0, 1000.0)
+    sea = environment.build(what, 9.81, TICK_S, 1.0, 1000.0)
     own = sea.surroundings
     assert own.is_uniform
     water, wave_pa = field.sample(
