@@ -48,4 +48,30 @@ def test_impossible_time_of_one_frame_is_no_restart() -> None:
 
 
 def test_late_frame_is_no_restart() -> None:
-    assert lost([(0, 50_000), (2, 50_040), (1, 50_020), (2, 50_040)]) == 1 + 254
+    assert lost([(0, 50_000), (2, 50_040), (1, 50_020), (2, 50_040)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        ([0, 2, 1, 3], 0),  # two were swapped
+        ([254, 0, 255, 1], 0),  # across the wrap
+        ([0, 1, 1, 2], 0),  # one arrived twice
+        ([0, 2, 1, 1, 3], 0),
+        ([0, 4, 1, 5], 2),  # one of three arrived late
+        ([0, 0, 0], 0),  # a sender that does not count
+        ([0, 200, 201], 199),
+    ],
+)
+def test_late_or_repeated_frame_is_not_lost(numbers: list[int], expected: int) -> None:
+    """Before, two swapped frames counted 1 + 254 + 1 lost ones, and a repeated one 255."""
+    assert lost([(number, None) for number in numbers]) == expected
+    assert lost([(number, 50_000 + 20 * number) for number in numbers]) == expected
+
+
+@pytest.mark.parametrize("last", [4, 20, 40, 200])
+def test_restart_at_a_lower_number_is_no_loss(last: int) -> None:
+    """The frames of the new start are no late ones of the old one, of which 2 were lost."""
+    before = [(k, 50_000 + 20 * k) for k in range(last) if k not in (1, 2)]
+    after = [(k, 20 * k) for k in range(10)]
+    assert lost([*before, *after, (12, 240), (13, 260)]) == 2 + 2
