@@ -179,6 +179,8 @@ def _refit(
     tests = usable_runs.cut_logs(logs, request.marks)
     held_out_tests = usable_runs.cut_logs(held_out_logs, request.marks)
     usable_runs.refuse_miswired([*tests, *held_out_tests])
+    notes = usable_runs.log_notes([*logs, *held_out_logs], knowledge)
+    knowledge = usable_runs.with_logged_travel(knowledge, logs)
     point = knowledge.config.operating_point
     full_speed_mps = point.speed_mps / point.thrust_fraction
     accepted_runs, screenings = usable_runs.select(tests, full_speed_mps)
@@ -195,7 +197,7 @@ def _refit(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in logs),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in held_out_logs),
-        notes=(*model.notes, *usable_runs.log_notes([*logs, *held_out_logs], knowledge)),
+        notes=(*model.notes, *notes),
         screening=tuple(
             usable_runs.screened_run(s, tested_runs.get(s.run.name)) for s in screenings
         ),

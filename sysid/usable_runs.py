@@ -9,7 +9,7 @@ import numpy as np
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
 from sysid.data.readers.csv_table import MIN_THRUST
-from sysid.data.readers.servo_channels import OutputOptions
+from sysid.data.readers.servo_channels import TRAVEL, OutputOptions
 from sysid.data.runs import Run
 from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import AnomalyTest, ScreenedRun
@@ -20,6 +20,8 @@ from sysid.screening import RunScreening, Screening, proposals, screen, wiring
 from sysid.screening.excitation import NO_EXCITATION
 from sysid.screening.wiring import LogOfRuns
 
+TRAVELS_DEG = 1.0, 45.0
+"""Smallest and largest travel in a vehicle file, which are also those of the parameter."""
 MAX_GAIN = 1e3
 """Largest gain that a log may hold: a radian of duct for a milliradian, or for a millimetre."""
 
@@ -68,6 +70,26 @@ def refuse_duplicates(
         raise RefitError(reason)
 
 
+def with_logged_travel(knowledge: PriorKnowledge, logs: Sequence[Log]) -> PriorKnowledge:
+    """Return the knowledge with the travel of the surfaces that the logs give, if they give one.
+
+    The parameter limits the commands of the vehicle that was flown; the file may be of another one.
+    With a smaller travel, larger commands would be clipped before they move the model. A vehicle
+    file cannot hold a travel outside `TRAVELS_DEG`.
+    """
+    config = knowledge.config
+    known_deg = config.tailcone.travel_deg
+    other_deg = (log.parameters[TRAVEL] for log in logs if not _has_travel(log, known_deg))
+    travel_deg = next((x for x in other_deg if TRAVELS_DEG[0] <= x <= TRAVELS_DEG[1]), known_deg)
+    tailcone = msgspec.structs.replace(config.tailcone, travel_deg=travel_deg)
+    return knowledge._replace(config=msgspec.structs.replace(config, tailcone=tailcone))
+
+
+def _has_travel(log: Log, travel_deg: float) -> bool:
+    """Return whether a log gives this travel, or none; its number is a float32."""
+    return bool(np.isclose(log.parameters.get(TRAVEL, travel_deg), travel_deg, 1e-3))
+
+
 def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
     """Return notes on damage, impossible gains, another travel, and how commands were held."""
     travel_deg = knowledge.config.tailcone.travel_deg
@@ -79,10 +101,10 @@ def log_notes(logs: Sequence[Log], knowledge: PriorKnowledge) -> list[str]:
             if (error := gains_error(log))
         ),
         *(
-            f"{log.name}: ACT_TRAVEL_DEG = {log.parameters['ACT_TRAVEL_DEG']:g}, and the travel of"
-            f" prior {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
+            f"{log.name}: {TRAVEL} = {log.parameters[TRAVEL]:g}, which is used; the travel of prior"
+            f" {knowledge.name} is {travel_deg:g} deg: a wrong prior or another tailcone"
             for log in logs
-            if not np.isclose(log.parameters.get("ACT_TRAVEL_DEG", travel_deg), travel_deg, 1e-3)
+            if not _has_travel(log, travel_deg)
         ),
         *(
             f"{log.name}: it is not known which pulses are full travel; assumed: {pulses}; record"

@@ -283,7 +283,7 @@ class VehicleRecord(JsonRecord, frozen=True):
     level_pitch_deg: Angle
     """Pitch of level motion, positive nose up."""
     file: VehicleConfig
-    """Content of the prior vehicle file."""
+    """Content of the prior vehicle file, with the travel of the surfaces that the logs give."""
 
     @property
     def prior_biases_rad(self) -> dict[Plane, float]:

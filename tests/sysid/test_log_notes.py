@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from sitl.vehicle import config
 from sysid import prior_knowledge, refit, usable_runs
 from sysid.data import readers
 from sysid.data.dataset import Log
@@ -50,15 +51,48 @@ def test_note_says_that_the_hold_of_commands_is_not_known(tmp_path: Path) -> Non
 def test_note_names_travel_unlike_the_prior(tmp_path: Path) -> None:
     log = readers.read(files.dataflash(tmp_path / "dive.bin", parameters=PARAMETERS))
     assert notes(log, prior="remus100") == [
-        "dive.bin: ACT_TRAVEL_DEG = 15, and the travel of prior remus100 is 13.6 deg: a wrong prior"
-        " or another tailcone"
+        "dive.bin: ACT_TRAVEL_DEG = 15, which is used; the travel of prior remus100 is 13.6 deg: a"
+        " wrong prior or another tailcone"
     ]
+
+
+@pytest.mark.parametrize(
+    ("logged_deg", "used_deg"),
+    [({}, 15.0), ({"ACT_TRAVEL_DEG": 20.0}, 20.0), ({"ACT_TRAVEL_DEG": 10.0}, 10.0)]
+    + [({"ACT_TRAVEL_DEG": value}, 15.0) for value in (15.0, 15.000001, 60.0)],
+)
+def test_travel_of_the_log_replaces_that_of_the_prior(
+    logged_deg: dict[str, float], used_deg: float, tmp_path: Path
+) -> None:
+    """The log knows its vehicle. A number that differs by rounding is that of the prior."""
+    path = files.dataflash(tmp_path / "dive.bin", parameters=PARAMETERS)
+    log = dataclasses.replace(readers.read(path), parameters=logged_deg)
+    known = prior_knowledge.prior_knowledge("caribou_nominal")
+    used = usable_runs.with_logged_travel(known, [log])
+    assert used.config.tailcone.travel_deg == used_deg
+    if used_deg == 15.0:
+        assert used == known
+
+
+@pytest.mark.slow
+def test_commands_beyond_the_travel_of_the_prior_are_not_clipped(tmp_path: Path) -> None:
+    """With trim the commands reach 20 deg: clipped at 15 deg, the static gain was 21 % larger."""
+    nominal = Path(config.__file__).with_name("caribou_nominal.toml").read_text()
+    assert nominal.count("\ntravel_deg = 15.0") == 1
+    wide = tmp_path / "wide.toml"
+    wide.write_text(nominal.replace("\ntravel_deg = 15.0", "\ntravel_deg = 25.0"))
+    tests = [DiveTest(Plane.YAW, sea.doublet(degrees)) for degrees in (14.0, -12.0, 13.0)]
+    path = dives.write(tmp_path / "dive.mcap", config.load(str(wide)), tests)
+    from_nominal, from_wide = (
+        refit.refit(RefitRequest(paths=[path], prior=prior, method="paper"))
+        for prior in ("caribou_nominal", str(wide))
+    )
+    assert from_nominal.vehicle.file.tailcone.travel_deg == 25.0
+    assert from_nominal.planes == from_wide.planes
 
 
 def test_refit_records_notes_on_logs(tmp_path: Path) -> None:
     """The paper's method is the fastest; the prior has another travel."""
-    from sitl.vehicle import config
-
     tests = [DiveTest(Plane.YAW, sea.doublet(5.0)), DiveTest(Plane.YAW, sea.doublet(-6.0))]
     path = dives.write(tmp_path / "dive.mcap", config.load("caribou_truth"), tests)
     model = refit.refit(RefitRequest(paths=[path], prior="remus100", method="paper"))
