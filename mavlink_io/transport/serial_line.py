@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import sys
+import termios
 from collections.abc import Callable, Sequence
 
 import serial
@@ -22,6 +23,16 @@ Report = Callable[[str], None]
 """Show one line of text to the user."""
 _MISSING_DEVICE_ERRORS = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
 _FULL_DRIVER_ERRORS = (BlockingIOError, InterruptedError)
+_NO_TERMINAL = "not a serial line"
+_REASONS = {
+    **dict.fromkeys(_MISSING_DEVICE_ERRORS, "no such device"),
+    errno.EAGAIN: "in use by another program",
+    errno.EBUSY: "in use by another program",
+    errno.EACCES: "permission denied: the user is not in the group of the device",
+    errno.ENOTTY: _NO_TERMINAL,
+    errno.EISDIR: _NO_TERMINAL,
+}
+"""Reasons for which a device cannot be opened, by error number."""
 
 
 class SerialTransport:
@@ -71,8 +82,9 @@ class SerialTransport:
         try:
             self._port = self._open()
         except (OSError, ValueError) as error:
-            if not wait_for_device or getattr(error, "errno", None) not in _MISSING_DEVICE_ERRORS:
-                raise AddressError(f"address {address!r}: {error}") from None
+            number = _error_number(error)
+            if not wait_for_device or number not in _MISSING_DEVICE_ERRORS:
+                raise AddressError(f"address {address!r}: {_REASONS.get(number, error)}") from None
             self._report(f"{address}: not there yet; trying every second")
 
     def handles(self) -> Sequence[Handle]:
@@ -92,7 +104,9 @@ class SerialTransport:
         self._drain()
 
     def receive(self) -> bytes:
-        """Return the bytes that have arrived, b"" if none; close a line that is lost."""
+        """Return the bytes that have arrived, b"" if none; close a lost line, reopen it later."""
+        if self._port is None:
+            self._reopen()
         if self._port is None or not readable(self._port):
             return b""
         try:
@@ -147,6 +161,14 @@ class SerialTransport:
         except (OSError, ValueError):
             return
         self._report(f"{self.address}: back")
+
+
+def _error_number(error: BaseException) -> int:
+    """Return the error number of a failed opening, 0 if unknown; pyserial hides the driver's."""
+    cause = error.__context__
+    if isinstance(cause, termios.error):
+        return int(cause.args[0])
+    return getattr(error, "errno", None) or 0
 
 
 def _report_on_stderr(text: str) -> None:

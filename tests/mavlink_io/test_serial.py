@@ -67,6 +67,19 @@ def test_serial_unplugged_line_reopens(cable: Line) -> None:
         assert ground.receive().startswith(b"here")
 
 
+def test_serial_line_that_is_only_read_reopens(cable: Line) -> None:
+    texts: list[str] = []
+    with closing(opened(cable, "vehicle", texts)) as vehicle:
+        for change, count in ((cable.unplug, 1), (cable.plug, 2)):
+            change("vehicle")
+            deadline_s = time.monotonic() + TIMEOUT_S
+            while len(texts) < count:
+                assert time.monotonic() < deadline_s
+                assert vehicle.receive() == b""
+                time.sleep(0.02)
+        assert texts[1] == "serial:vehicle: back"
+
+
 def test_serial_loss_during_write_is_reported_once(cable: Line) -> None:
     texts: list[str] = []
     with closing(opened(cable, "vehicle", texts)) as vehicle:
@@ -126,7 +139,7 @@ def test_serial_blocked_line_drops_whole_sends() -> None:
 
 def test_serial_missing_device_is_error_or_awaited(cable: Line) -> None:
     cable.unplug("vehicle")
-    with pytest.raises(AddressError, match=r"serial:vehicle.*No such file"):
+    with pytest.raises(AddressError, match=r"serial:vehicle': no such device$"):
         opened(cable, "vehicle", [])
     texts: list[str] = []
     with closing(opened(cable, "vehicle", texts, wait_for_device=True)) as vehicle:
@@ -137,9 +150,13 @@ def test_serial_missing_device_is_error_or_awaited(cable: Line) -> None:
 
 @pytest.mark.parametrize("wait_for_device", [False, True])
 def test_serial_wrong_or_busy_device_is_an_error(cable: Line, wait_for_device: bool) -> None:
-    with pytest.raises(AddressError, match="/dev/null"):
-        open_transport("serial:/dev/null:57600", wait_for_device=wait_for_device)
-    with closing(opened(cable, "vehicle", [])), pytest.raises(AddressError, match="lock"):
+    for device in ("/dev/null", "/dev"):
+        with pytest.raises(AddressError, match=f"{device}:57600': not a serial line$"):
+            open_transport(f"serial:{device}:57600", wait_for_device=wait_for_device)
+    with (
+        closing(opened(cable, "vehicle", [])),
+        pytest.raises(AddressError, match=r"in use by another program$"),
+    ):
         opened(cable, "vehicle", [], wait_for_device=wait_for_device)
 
 
