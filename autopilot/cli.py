@@ -76,12 +76,12 @@ def fly(
         ),
     ] = None,
     accept: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="SYSTEM,...",
             help="System ids of the ground stations that may command; default: all.",
         ),
-    ] = "",
+    ] = None,
     autopilot_id: Annotated[
         AutopilotId, typer.Option(help="Autopilot type reported in HEARTBEAT.")
     ] = AutopilotId.GENERIC,

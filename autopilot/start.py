@@ -62,8 +62,8 @@ class AutopilotOptions(NamedTuple):
     """ADDRESS=KEYFILE of each signed ground link."""
     modem: Sequence[str]
     """ADDRESS or ADDRESS=SECONDS of each ground link that is a modem."""
-    accept: str
-    """System ids that may command, separated by commas; empty for all."""
+    accept: str | None
+    """System ids that may command, separated by commas; None for all."""
     autopilot_id: AutopilotId
     logs: Path | None
     """Folder of the onboard logs; None for none."""
@@ -103,7 +103,7 @@ def run(options: AutopilotOptions, start: ProcessStart | None = None) -> None:
     # A supervised autopilot starts again within milliseconds; to load machine code takes longer.
     simulated = baud_rate(options.hil) is None and start is None
     vehicle = Vehicle(table, compiled=simulated and steady_ticks.is_compiled())
-    commanders = Commanders(systems_of(options.accept) if options.accept else ())
+    commanders = Commanders(() if options.accept is None else systems_of(options.accept))
     keys = SigningKeys.from_options(options.sign, options.ground)
     hil = HilLink(open_transport(options.hil, wait_for_device=True), vehicle.system)
     waits = hil.lockstep and start is None  # a supervisor ends an autopilot that waits for long

@@ -68,6 +68,6 @@ def systems_of(text: str) -> frozenset[int]:
     for word in words:
         if not (word.isdecimal() and len(word) <= 3 and 1 <= int(word) <= 255):
             raise AllowListError(
-                f"--accept {text}: {word!r} is no system id; give numbers from 1 to 255"
+                f"--accept {text!r}: {word!r} is no system id; give numbers from 1 to 255"
             )
     return frozenset(map(int, words))

@@ -263,8 +263,16 @@ class VehicleClient:
         if is_all and wall_s() - self._heartbeat_received_s > timeout_s:
             raise VehicleClientError(
                 f"the vehicle is gone: no heartbeat on {transport.address} for {timeout_s:g} s"
+                + self._modem_advice()
             )
         return is_all
+
+    def _modem_advice(self) -> str:
+        """Return what to do if the vehicle sends over a modem and this program does not wait."""
+        sends_rarely = _HIGH_LATENCY.message_id in self._latest and _HEARTBEAT not in self._latest
+        if self._modem_s is None and sends_rarely:
+            return " (HIGH_LATENCY2 was received: a modem needs --modem SECONDS)"
+        return ""
 
     def link_timeout_s(self, default_s: float) -> float:
         """Return a time limit: at least the default.

@@ -100,6 +100,10 @@ class FakeVehicle:
             "HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields
         )
 
+    def send_high_latency(self) -> None:
+        fields = dict.fromkeys((field.name for field in by_name("HIGH_LATENCY2").fields), 0)
+        self._endpoint.send("HIGH_LATENCY2", **fields | {"type": 12})
+
     def send_text(self, text: str, **fields: int) -> None:
         self._endpoint.send("STATUSTEXT", severity=4, text=text, **fields)
 

@@ -262,6 +262,18 @@ def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyP
         pump(vehicle, 11, steps)
 
 
+def test_a_vehicle_on_a_modem_is_named_when_it_is_lost(
+    meet: Meet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = meet()
+    fake.ground_end.receive()
+    fake.send_high_latency()
+    vehicle = connected(fake)
+    steps = clock(monkeypatch, 0.5)
+    with pytest.raises(VehicleClientError, match=r"for 5 s \(HIGH_LATENCY2 .* --modem SECONDS"):
+        pump(vehicle, 11, steps)
+
+
 def test_a_simulated_vehicle_on_a_busy_machine_is_waited_for(
     fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
