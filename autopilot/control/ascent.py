@@ -194,7 +194,7 @@ def _next_stage(
         if reason:
             return released, reason
         if not blind and _dives_by_way(state, config):
-            return AscentStage.ASTERN, "dives by its way"
+            return AscentStage.ASTERN, "sinks nose down"
         sunk_m = estimate.depth_m - ascent.depth_m
         if (
             not blind

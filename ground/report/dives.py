@@ -243,8 +243,10 @@ def _surfaces(leg: AssessedLeg) -> tuple[str, str, str, str]:
 
 
 def _track_note(dives: Sequence[ReportedDive]) -> str:
-    """Return where the tracks come from."""
+    """Return where the tracks come from; with the names of the dives if it differs."""
     sources = dict.fromkeys(dive.track.source for dive in dives)
+    if len(sources) > 1:
+        return "Position: " + "; ".join(f"{d.label}: {d.track.source}" for d in dives) + "."
     return "Position: " + "; ".join(sources) + "."
 
 

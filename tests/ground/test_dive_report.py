@@ -81,6 +81,12 @@ def test_outputs_of_unknown_use_are_numbered() -> None:
     assert dive_charts.track_data([good()])["dives"][0]["surfaces"]
 
 
+def test_positions_of_different_sources_name_their_dives() -> None:
+    html = dives.render([good("a"), untrimmed()])
+    assert re.search(r"Position: a: integrated from .*; untrimmed\.mcap: heading at", html)
+    assert re.search(r"Position: integrated from [^;]*\)\.", dives.render([good("a"), good("b")]))
+
+
 def test_times_of_texts_count_from_arming() -> None:
     events = (
         logs.LogEvent(50.0, Armed()),
