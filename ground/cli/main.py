@@ -159,14 +159,16 @@ def _exit_interrupted(interruption: Interrupted) -> NoReturn:
 def _run() -> None:
     """Run the command that the arguments name, and exit.
 
-    A usage error quotes the arguments, so its control characters are escaped.
+    A usage error quotes the arguments, so its control characters are escaped. That of a command
+    without arguments is its help and quotes none.
     """
     # click.UsageError; typer imports or bundles click, depending on its version
     usage_error: type[Any] = typer.BadParameter.__bases__[0]
     try:
         sys.exit(app(standalone_mode=False))
     except usage_error as error:
-        error.message = printable(error.message)
+        if error.ctx is None or error.message != error.ctx.get_help():
+            error.message = printable(error.message)
         error.show()
         sys.exit(error.exit_code)
 

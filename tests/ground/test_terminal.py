@@ -266,3 +266,17 @@ def test_usage_error_has_no_control_characters(
     assert ended.value.code == 2
     assert forbidden(said.out + said.err) == []
     assert "Error" in said.err
+
+
+@pytest.mark.parametrize("words", [[], ["log"]])
+def test_command_without_arguments_prints_its_help_in_lines(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["ground", *words])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        command_line.main()
+    assert ended.value.code == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert "Commands:" in lines
+    assert not any("\\n" in line for line in lines)
