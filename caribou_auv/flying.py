@@ -13,6 +13,7 @@ from ground.campaign import prototype, refit
 from ground.client import flight
 from ground.client.flight import Dive
 from ground.log_tools.comparison import DiveErrors, compare
+from ground.output_files import new_file
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ChildProcess, CommandProcess, SpawnedProcess
 from mavlink_io.errors import InputError
@@ -109,9 +110,7 @@ def fly(
     CaribouError
         An input cannot be used, or the vehicle was not found, refused or was lost.
     """
-    log_file = Path(log)
-    if log_file.exists():
-        raise InputError(f"{log_file}: exists; give another name or delete it")
+    log_file = new_file(Path(log))
     dive = Dive.load(str(mission), log_file, parameters=dict(parameters or {}))
     if connect is not None:
         return _flight(flight.fly(dive, connect))

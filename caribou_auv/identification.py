@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ground.campaign import refit
+from mavlink_io.errors import InputError
 from sysid.design.pid import Design, Spec
 from sysid.models.model_file import IdentifiedModel, Method
 from sysid.refit import RefitRequest
@@ -42,6 +43,9 @@ def identify(
     CaribouError
         A log or the prior cannot be used, or the fit failed.
     """
+    for argument in (logs, held_out):
+        if isinstance(argument, str | Path):
+            raise InputError(f"{argument}: expected a list of logs, such as [{str(argument)!r}]")
     request = RefitRequest(paths=logs, held_out=held_out, prior=prior, method=method)
     return refit.refit(request, force=force)
 

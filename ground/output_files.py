@@ -54,7 +54,23 @@ def refuse_same_file(option: str, path: Path, used: Iterable[Path | str | None])
 
 
 def new_file(path: Path) -> Path:
-    """Return the path. Raises InputError if the file exists or cannot be written."""
+    """Check the path of a file that a command will create.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        The file exists or cannot be written.
+    """
     _refuse_place(str(path), path)
     if path.exists():
         raise InputError(f"{path}: exists; give a new name")

@@ -64,6 +64,8 @@ def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
         lambda: auv.simulate("straight_run", {"NO_SUCH": 1.0}),
         lambda: auv.simulate("straight_run", vehicle="no_such_vehicle"),
         lambda: auv.fly("straight_run", tmp_path / "a.mcap"),
+        lambda: auv.fly("straight_run", tmp_path / "none" / "a.mcap"),
+        lambda: auv.identify(str(tmp_path / "a.mcap")),
         lambda: auv.fly("straight_run", tmp_path / "b.mcap", scenario="none", faults=[{}]),
         lambda: auv.fly(
             "straight_run", tmp_path / "b.mcap", scenario=tmp_path / "latin.toml", faults=[{}]
