@@ -24,6 +24,8 @@ _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _EXTENSION_USED = constant("MAV_SYS_STATUS_EXTENSION_USED")
 _GEOFENCE, _PREARM = constant("MAV_SYS_STATUS_GEOFENCE"), constant("MAV_SYS_STATUS_PREARM_CHECK")
 _FIX_3D = 3
+_NO_SIGNAL = 1
+"""``signal_quality`` of a DISTANCE_SENSOR without a valid echo; 0: not reported."""
 
 
 class Cell(NamedTuple):
@@ -109,7 +111,7 @@ def _height(up_m: float, context: RowContext) -> Cell | None:
     if not math.isfinite(up_m):
         return None
     if context.under_water:
-        return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
+        return Cell(f"{-up_m:z.2f} m deep", {"depth_m": -up_m})
     return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
 
 
@@ -219,6 +221,8 @@ def bottom(m: Any, context: RowContext) -> Cell | None:
     """Return the distance to the bottom (m) of a DISTANCE_SENSOR; None if it does not look down."""
     if m.orientation != _LOOKING_DOWN:
         return None
+    if m.signal_quality == _NO_SIGNAL:
+        return Cell("no echo", None)
     if not m.min_distance <= m.current_distance <= m.max_distance:
         return Cell("out of range", None)
     return Cell(f"{m.current_distance / 100.0:.1f} m below", m.current_distance / 100.0)

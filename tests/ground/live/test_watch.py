@@ -280,6 +280,18 @@ def test_rounded_zero_has_no_minus(sea: Sea) -> None:
     sea.heartbeat()
     sea.send("ATTITUDE", roll=-0.0005, pitch=-0.1)
     assert sea.text("attitude") == "roll +0.0, pitch -5.7 deg"
+    sea.send("GLOBAL_POSITION_INT", relative_alt=1)
+    assert sea.text("height") == "0.00 m deep"
+
+
+def test_bottom_without_an_echo_is_no_distance(sea: Sea) -> None:
+    """A vehicle without an altimeter reports 0 cm with the signal quality 1: not valid."""
+    sea.heartbeat()
+    down = {"orientation": 25, "max_distance": 10_000}
+    sea.send("DISTANCE_SENSOR", **down, signal_quality=1)
+    assert sea.text("bottom") == "no echo"
+    sea.send("DISTANCE_SENSOR", **down, current_distance=1300)
+    assert sea.text("bottom") == "13.0 m below"
 
 
 def test_known_value_beside_an_unknown_one_is_shown(sea: Sea) -> None:
