@@ -29,6 +29,8 @@ BURST_S = 5e-3
 The other links wait for it; it is a quarter of the time over which telemetry is batched."""
 WRONG_BAUD_BYTES = 1000
 """Number of bytes without MAVLink, before the first sample, that indicates a wrong baud rate."""
+WRONG_BAUD_PERIOD_S = 10.0
+"""Wall time between reports of a wrong baud rate: a ground station may connect after the first."""
 
 
 class App:
@@ -48,7 +50,8 @@ class App:
         self._clock = SensorClock()
         self._received_s = 0.0
         """Wall time of the newest HIL traffic."""
-        self._baud_rate_reported = False
+        self._baud_rate_report_s = -math.inf
+        self._non_mavlink_bytes = 0
         self._accepted_s = 0.0
         """Wall time at which a sample was last accepted."""
         self._timeout_reported = False
@@ -170,9 +173,12 @@ class App:
             self._vehicle.on_sensor_loss()
 
     def _check_baud_rate(self) -> None:
-        """Report once that the HIL line carries bytes but no MAVLink."""
-        if not self._baud_rate_reported and self._hil.non_mavlink_bytes > WRONG_BAUD_BYTES:
-            self._baud_rate_reported = True
+        """Report that the HIL line carries bytes but no MAVLink, as long as more arrive."""
+        new_bytes = self._hil.non_mavlink_bytes - self._non_mavlink_bytes
+        is_due = wall_s() - self._baud_rate_report_s >= WRONG_BAUD_PERIOD_S
+        if is_due and new_bytes > WRONG_BAUD_BYTES:
+            self._baud_rate_report_s = wall_s()
+            self._non_mavlink_bytes = self._hil.non_mavlink_bytes
             self._vehicle.send_statustext("HIL: no MAVLink in received bytes: check baud rate")
 
     def _accept(self, sample: HilSample, silent_us: int) -> bool:

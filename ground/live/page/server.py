@@ -6,6 +6,7 @@ on the page is changed by a request: it has no command for a vehicle.
 """
 
 import asyncio
+import errno
 import ipaddress
 import socket
 import time
@@ -84,12 +85,13 @@ def listen(host: str = LOOPBACK, port: int | None = None) -> socket.socket:
         try:
             return socket.create_server((host, number), family=family)
         except OSError as error:
-            if port is not None or number == 0:
-                reason = error.strerror or str(error)
-                raise InputError(
-                    f"--host {host} --port {number}: {reason}; give an address of this machine and"
-                    " a free port"
-                ) from None
+            if number == PORT and port is None and error.errno == errno.EADDRINUSE:
+                continue
+            options = f"--host {host}" + ("" if port is None else f" --port {port}")
+            reason = error.strerror or str(error)
+            raise InputError(
+                f"{options}: {reason}; give an address of this machine and a free port"
+            ) from None
     raise AssertionError
 
 
