@@ -397,6 +397,11 @@ def _how_far(axis: str, cause: ErrorCause, leg: AssessedLeg) -> str:
     return f"{format_value(abs(error.mean))} {unit} off in the mean"
 
 
+def format_heading(heading_deg: float) -> str:
+    """Return a heading in whole degrees, 0 to 359."""
+    return f"{round(heading_deg) % 360}"
+
+
 def format_value(value: float) -> str:
     """Return a number with two significant digits and no exponent."""
     return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"

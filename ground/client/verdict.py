@@ -10,6 +10,7 @@ from ground.client.assessment import (
     Assessment,
     ErrorCause,
     Outcome,
+    format_heading,
     format_value,
 )
 from ground.client.dive_symptoms import SymptomKind
@@ -188,7 +189,7 @@ def _remarks(assessment: Assessment) -> Iterator[str]:
 def _row(leg: AssessedLeg, start_s: float) -> str:
     """Return the row of a leg in the table."""
     span = f"{leg.start_s - start_s:.0f}-{leg.stop_s - start_s:.0f}"
-    points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
+    points = f"{format_heading(leg.heading_setpoint_deg)} deg, {leg.depth_setpoint_m:.1f} m"
     errors = "".join(f"{e.mean:7.2f}{e.p95:7.2f}" for e in (leg.heading_deg, leg.depth_m))
     rudder = f"{leg.rudder_deg:.1f} ± {leg.rudder_sd_deg:.1f}"
     elevator = f"{leg.elevator_deg:.1f} ± {leg.elevator_sd_deg:.1f}"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.client.assessment import MAX_ERROR, UNIT, AssessedLeg
+from ground.client.assessment import MAX_ERROR, UNIT, AssessedLeg, format_heading
 from ground.report.charts import Chart
 from ground.report.dive_data import ReportedDive
 from sysid.data.dataset import Log
@@ -428,7 +428,7 @@ def _p95(leg: AssessedLeg, axis: str) -> float:
 
 def _leg_name(leg: AssessedLeg) -> str:
     """Return the set-points of a leg."""
-    return f"{leg.heading_setpoint_deg:.0f}°, {leg.depth_setpoint_m:.1f} m"
+    return f"{format_heading(leg.heading_setpoint_deg)}°, {leg.depth_setpoint_m:.1f} m"
 
 
 def _depth(log: Log) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ground.client import verdict
-from ground.client.assessment import AssessedLeg, format_value
+from ground.client.assessment import AssessedLeg, format_heading, format_value
 from ground.report import dive_charts, page
 from ground.report.dive_data import ReportedDive, read_dives
 from ground.report.tables import table
@@ -203,7 +203,7 @@ def _legs(dive: ReportedDive) -> str:
         [
             f"leg {number}",
             f"{leg.start_s - dive.start_s:.0f}–{leg.stop_s - dive.start_s:.0f}",
-            f"{leg.heading_setpoint_deg:.0f}",
+            format_heading(leg.heading_setpoint_deg),
             f"{leg.heading_deg.mean:+.1f}",
             f"<b>{leg.heading_deg.p95:.1f}</b>",
             f"{leg.depth_setpoint_m:.1f}",

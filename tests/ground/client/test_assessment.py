@@ -193,6 +193,13 @@ def test_trims_that_the_vehicle_learned_are_reported() -> None:
     assert "learned its trims: TRIM_RUD_DEG 6.05" in verdict.format_text(found)
 
 
+def test_setpoint_just_below_north_is_printed_as_0_deg() -> None:
+    found = assessment.assess_log(dive())
+    (leg,) = found.legs
+    north = found._replace(legs=(leg._replace(heading_setpoint_deg=359.7),))
+    assert " 0 deg, 3.0 m" in verdict.format_text(north)
+
+
 def test_assessment_as_json_holds_plain_finite_values() -> None:
     found = assessment.assess_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
     plain = json.loads(json.dumps(assessment.as_json(found), allow_nan=False))
