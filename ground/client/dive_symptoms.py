@@ -79,6 +79,9 @@ _TRIM_REMEDY = (
 )
 """Remedy for an elevator that does not win on one side: weight at one end has the same effect."""
 
+_REPORT_REMEDY = "find the cause of this report before gains or trims are changed"
+"""Remedy of the first report; later ones often follow from it."""
+
 
 class Symptom(NamedTuple):
     """Property of a whole dive that explains errors, or that the errors do not show."""
@@ -356,10 +359,11 @@ def _reports(log: Log) -> Iterator[Symptom]:
         else:
             continue
         if text not in seen:
+            remedy = "" if seen else _REPORT_REMEDY
             seen.add(text)
             yield Symptom(
                 kind,
                 "",
                 f"the vehicle reported {_when(log, event.time_s)}: {text}",
-                "",
+                remedy,
             )

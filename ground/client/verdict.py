@@ -16,9 +16,17 @@ from ground.client.assessment import (
 from ground.client.dive_symptoms import SymptomKind
 from sysid.monitor import tracking_metrics
 
-_FINDING_RANK = {ErrorCause.SYMPTOM: -1, ErrorCause.LATE: 3}
-"""Order of the findings: causes that are symptoms first; others have rank 2."""
-_SYMPTOM_RANK = {SymptomKind.FAILSAFE: 1, SymptomKind.CUT_OFF: 1, SymptomKind.REPORTED: 4}
+_FINDING_RANK = {
+    ErrorCause.SYMPTOM: -1,
+    ErrorCause.SWINGING: 4,
+    ErrorCause.UNSETTLED: 4,
+    ErrorCause.UNKNOWN: 4,
+    ErrorCause.LATE: 5,
+}
+"""Order of the findings: causes that are symptoms first; others have rank 2.
+
+Those of rank 4 and 5 may be consequences of a fault that the vehicle has reported."""
+_SYMPTOM_RANK = {SymptomKind.FAILSAFE: 1, SymptomKind.CUT_OFF: 1, SymptomKind.REPORTED: 3}
 """Order of the symptoms; others have rank 0."""
 
 

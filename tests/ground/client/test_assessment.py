@@ -14,8 +14,8 @@ from ground.client import assessment, verdict
 from ground.client.assessment import ErrorCause, Outcome
 from ground.client.dive_symptoms import SymptomKind
 from sysid.data import dataset as logs
-from sysid.data.dataset import Log, VelocitySource
-from sysid.data.events import Armed, Failsafe, FailsafeCause, TrimLearned
+from sysid.data.dataset import Log, LogEvent, VelocitySource
+from sysid.data.events import Armed, Failsafe, FailsafeCause, PlainText, TrimLearned
 from tests.helpers.synthetic_dive import EMPTY, constant, decay, dive, swing
 
 Array = NDArray[np.float64]
@@ -304,6 +304,22 @@ def test_failsafe_is_reported_before_errors_without_a_known_cause() -> None:
         verdict.headline(found)
         == "the vehicle reported 90 s after the start of the log: Failsafe: Leak -> SURFACE"
     )
+
+
+def test_reported_fault_comes_before_the_oscillation_that_it_causes() -> None:
+    """A dive with a wrong gyro was advised on gains and on the sea."""
+    event = LogEvent(43.0, PlainText(3, "Gyro disagrees"))
+    found = assessment.assess_log(replace(dive(heading_error_deg=swing(6.0)), events=(event,)))
+    assert verdict.headline(found).endswith("Gyro disagrees")
+    assert verdict.next_step(found).startswith("find the cause of this report")
+    assert "oscillates" in verdict.format_text(found)
+
+
+def test_reported_fault_does_not_hide_a_trim_that_is_not_set() -> None:
+    event = LogEvent(43.0, PlainText(3, "Depth not tracking"))
+    flown = dive(heading_error_deg=constant(-8.4), rudder_deg=6.05)
+    found = assessment.assess_log(replace(flown, events=(event,)))
+    assert "trim is not set" in verdict.headline(found)
 
 
 def test_outputs_that_may_be_motors_are_not_judged() -> None:
