@@ -80,7 +80,7 @@ _TRIM_REMEDY = (
 """Remedy for an elevator that does not win on one side: weight at one end has the same effect."""
 
 _REPORT_REMEDY = "find the cause of this report before gains or trims are changed"
-"""Remedy of the first report; later ones often follow from it."""
+"""Remedy of the first report of each kind; later ones often follow from it."""
 
 
 class Symptom(NamedTuple):
@@ -349,7 +349,7 @@ def _means(windows: Sequence[SteadyWindow], time_s: Array, values: Array) -> Arr
 
 def _reports(log: Log) -> Iterator[Symptom]:
     """Yield each failsafe and each different error text of the vehicle, with its first time."""
-    seen: set[str] = set()
+    seen: dict[str, SymptomKind] = {}
     for event in log.events:
         value = event.value
         if isinstance(value, Failsafe):
@@ -359,8 +359,8 @@ def _reports(log: Log) -> Iterator[Symptom]:
         else:
             continue
         if text not in seen:
-            remedy = "" if seen else _REPORT_REMEDY
-            seen.add(text)
+            remedy = "" if kind in seen.values() else _REPORT_REMEDY
+            seen[text] = kind
             yield Symptom(
                 kind,
                 "",

@@ -315,6 +315,16 @@ def test_reported_fault_comes_before_the_oscillation_that_it_causes() -> None:
     assert "oscillates" in verdict.format_text(found)
 
 
+def test_failsafe_after_a_fault_has_a_remedy_of_its_own() -> None:
+    events = (
+        LogEvent(40.0, PlainText(3, "Pressure sensor silent")),
+        LogEvent(45.0, Failsafe(FailsafeCause.DEPTH_UNKNOWN, "Failsafe: depth unknown")),
+    )
+    flown = dive(depth_error_m=constant(-0.9), elevator_deg=0.5, pitch_deg=-4.0)
+    found = assessment.assess_log(replace(flown, events=events))
+    assert verdict.next_step(found).startswith("find the cause of this report")
+
+
 def test_reported_fault_does_not_hide_a_trim_that_is_not_set() -> None:
     event = LogEvent(43.0, PlainText(3, "Depth not tracking"))
     flown = dive(heading_error_deg=constant(-8.4), rudder_deg=6.05)
