@@ -206,8 +206,6 @@ def fly(
     AddressError, InputError, VehicleClientError
         The address, key or mission cannot be used; or the vehicle was not found, refused or was
         lost.
-    OperationError
-        The vehicle waits for a depth that it does not reach.
     """
     with open_recorded_vehicle(
         address,
@@ -464,15 +462,16 @@ def _until_disarmed(
 ) -> None:
     """Receive until the vehicle has disarmed.
 
-    Raises VehicleClientError if vehicle time stalls, and OperationError if the vehicle waits for a
-    depth that it does not reach.
+    Raises VehicleClientError if vehicle time stalls, and OperationError if a simulated vehicle
+    waits for a depth that it does not reach. A real one is recorded until it is recovered.
     """
     report, depth = Interval(PROGRESS_PERIOD_S), DepthProgress(dive.items, dive.log)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         clock.update()
         if report.due():
-            depth.update(vehicle, clock.vehicle_s)
+            if vehicle.is_simulated:
+                depth.update(vehicle, clock.vehicle_s)
             if on_progress is not None:
                 on_progress(_progress(vehicle, clock, len(dive.items)))
         if listener is not None:

@@ -186,6 +186,11 @@ class VehicleClient:
         self._joiner = TextJoiner()
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether this program has started the vehicle."""
+        return self._watchdog is not None
+
+    @property
     def lost_frames(self) -> int:
         """Number of frames that were lost, counted by gaps in the sequence numbers."""
         return self._endpoint.lost_frames

@@ -29,7 +29,7 @@ PUMP_S = 0.5
 class Vehicle:
     """Stands in for the client: sends attitudes until its sensors stop, and never disarms."""
 
-    disarmings, mode = 0, "MISSION"
+    disarmings, mode, is_simulated = 0, "MISSION", False
 
     def __init__(self, recorder: Recorder, monkeypatch: pytest.MonkeyPatch) -> None:
         self.recorder, self.now_s = recorder, 100.0
@@ -80,6 +80,17 @@ def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
     with pytest.raises(EndedError):
         flight._until_disarmed(vehicle, clock, DIVE, watch, None)  # type: ignore[arg-type]
     return reports
+
+
+def test_simulated_vehicle_that_cannot_surface_is_given_up(vehicle: Vehicle) -> None:
+    vehicle.mode, vehicle.is_simulated = "SURFACE", True
+    with pytest.raises(OperationError, match=r"without a change of depth for 1800 s"):
+        progress_of(vehicle, 1000.0)
+
+
+def test_real_vehicle_that_cannot_surface_is_recorded_further(vehicle: Vehicle) -> None:
+    vehicle.mode = "SURFACE"
+    assert progress_of(vehicle, 1000.0)[-1].vehicle_s > 1900.0
 
 
 def test_progress_counts_vehicle_time_from_the_start_of_the_dive(vehicle: Vehicle) -> None:
