@@ -1,9 +1,11 @@
 """Lower bound of the errors that any linear controller leaves in the identified disturbance.
 
 The bound has the delay, tailcone and sensors of the model and no limit of margins, travel or rate.
-It is the optimum of stochastic control with a quadratic cost of one error and a control weight that
-vanishes: by the separation principle a Kalman filter and a linear regulator (Astrom 1970,
-Introduction to Stochastic Control Theory, ch. 6 and 8; Kwakernaak and Sivan 1972, section 3.8).
+The disturbance is that of a prediction (`disturbance_response`), without the white force on sway
+and heave that the fit allows for. The bound is the optimum of stochastic control with a quadratic
+cost of one error and a control weight that vanishes: by the separation principle a Kalman filter
+and a linear regulator (Astrom 1970, Introduction to Stochastic Control Theory, ch. 6 and 8;
+Kwakernaak and Sivan 1972, section 3.8).
 """
 
 import math
@@ -92,7 +94,7 @@ def _sampled_plane(vehicle: DesignModel, plane: Plane) -> _SampledPlane:
     """
     index = PLANES[plane].index
     linear, lag = vehicle.planes[index], (vehicle.yaw_lag, vehicle.pitch_lag)[index]
-    levels = noise.from_model(vehicle.disturbance[plane])
+    levels = noise.from_model(vehicle.disturbance[plane])._replace(force_mps15=0.0)
     sea_A, sea_density, *_ = noise.system(linear, levels)
     known, duct = len(linear.B), len(linear.B) + DISTURBANCE_STATES
     size, delay = duct + 2, max(1, round(lag.delay_s / TICK_S))

@@ -73,6 +73,23 @@ def test_no_controller_is_better_than_the_bound_in_a_calm_sea() -> None:
     assert bound.pitch_deg < reached.pitch_deg
 
 
+def test_bound_is_that_of_the_predicted_disturbance() -> None:
+    """The force that a fit allows for is in no prediction.
+
+    In calm water it was most of the bound of the depth, which was twice the predicted error.
+    """
+    predicted = [
+        minimum_variance.minimum_variance(
+            vehicle_with(
+                LAG, msgspec.structs.replace(DEFAULT_DISTURBANCE, force_noise_mps15=force)
+            ),
+            Response(0.4, 0.4, 0.03, 0.6, 0.6),
+        )
+        for force in (1e-4, 3e-3)
+    ]
+    assert predicted[0] == predicted[1] is not None
+
+
 def test_bound_grows_with_the_delay() -> None:
     """A later command can compensate only what could be predicted earlier (Astrom 1970, ch. 6)."""
 
