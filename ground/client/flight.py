@@ -13,12 +13,7 @@ from ground.client.dive_clock import STALL_TIMEOUT_S, DiveClock
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
 from ground.client.stopping import describe_remaining_state
-from ground.client.vehicle import (
-    RequestRefusedError,
-    StatusText,
-    VehicleClient,
-    VehicleClientError,
-)
+from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.errors import Interrupted
 from ground.missions import plans
 from ground.simulation import affinity
@@ -343,8 +338,7 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
     Raises
     ------
     InputError
-        The mission exceeds limits of the vehicle, the vehicle would not fly its first step, or it
-        refuses a parameter or the plan of the dive.
+        The mission exceeds limits of the vehicle, or the vehicle would not fly its first step.
     VehicleClientError
         The vehicle is armed, or refused.
     """
@@ -359,17 +353,14 @@ def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
             f" for missions of ground: ground params set {HOME_FIRST} 0"
         )
     plans.check_limits(dive.mission, dive.plan, plans.MissionLimits.from_parameters(parameters))
-    try:
-        for name, value in dive.parameters.items():
-            parameters[name] = vehicle.set_parameter(name, value)
-        for name, rate_hz in RATES_HZ.items():
-            vehicle.set_interval(name, rate_hz)
-        for items, kind in ((dive.plan.fence, FENCE_TYPE), (dive.plan.rally, RALLY_TYPE)):
-            if items:
-                vehicle.upload(items, kind)
-        vehicle.upload(dive.items)
-    except RequestRefusedError as error:
-        raise InputError(str(error)) from None
+    for name, value in dive.parameters.items():
+        parameters[name] = vehicle.set_parameter(name, value)
+    for name, rate_hz in RATES_HZ.items():
+        vehicle.set_interval(name, rate_hz)
+    for items, kind in ((dive.plan.fence, FENCE_TYPE), (dive.plan.rally, RALLY_TYPE)):
+        if items:
+            vehicle.upload(items, kind)
+    vehicle.upload(dive.items)
     vehicle.set_mode("MISSION")
     return parameters
 

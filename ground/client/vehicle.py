@@ -96,10 +96,6 @@ class CommandRefusedError(VehicleClientError):
         self.result = result
 
 
-class RequestRefusedError(VehicleClientError):
-    """The vehicle refused a request, such as a parameter or a mission."""
-
-
 class StatusText(NamedTuple):
     """A complete text of the vehicle, assembled from its STATUSTEXT chunks."""
 
@@ -440,7 +436,7 @@ class VehicleClient:
             if not request.does_not_exist:
                 raise
             suggestion = did_you_mean(name, self.parameters())
-            raise RequestRefusedError(f"{error}{suggestion}") from None
+            raise VehicleClientError(f"{error}{suggestion}") from None
 
     def _report_wait(self, subject: str, timeout_s: float) -> None:
         """Report what is awaited, and for how long at most."""
@@ -509,9 +505,7 @@ class VehicleClient:
                 self.pump(0.02)
             return exchange.result()
         except ExchangeError as error:
-            reason = self._with_reason(exchange, error, first_text)
-            kind = VehicleClientError if exchange.timed_out else RequestRefusedError
-            raise kind(reason) from None
+            raise VehicleClientError(self._with_reason(exchange, error, first_text)) from None
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
         finally:
