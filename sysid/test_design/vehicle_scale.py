@@ -116,9 +116,9 @@ def _plane_scale(
 
 def _turns_on(vehicle: CandidateVehicle) -> bool:
     """Return whether a turn of the vehicle can go on against its rudder."""
-    config, model = vehicle.config, vehicle.model
-    travel_rad = math.radians(config.tailcone.travel_deg)
-    return math.isfinite(steady_state.controlled_rate_radps(config, model, travel_rad))
+    travel_rad = math.radians(vehicle.config.tailcone.travel_deg)
+    turn = steady_state.steady_turn(vehicle.config, vehicle.model, travel_rad)
+    return math.isfinite(turn.controlled_radps)
 
 
 def inverse_inertia(vehicle: CandidateVehicle, plane: Plane) -> float:

@@ -7,6 +7,7 @@ damping and margins on the nominal vehicle and with nine tenths of the prior's v
 
 import contextlib
 import math
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -142,7 +143,7 @@ def design_initial_gains(vehicle_file: str | Path | VehicleConfig) -> InitialDes
         gains,
         loads,
         spec,
-        lambda rudder_rad: steady_state.largest_turn_radps(config, model, rudder_rad),
+        partial(steady_state.steady_turn, config, model),
     )
     gains |= _depth_reference(vehicle, gains, loads, spec)
     vehicle_values = vehicle_parameters.autopilot_parameters(config, model)

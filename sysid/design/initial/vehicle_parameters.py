@@ -11,6 +11,7 @@ from sitl.vehicle.linearise import linearise
 from sitl.vehicle.model import VehicleModel
 from sysid.design.constrained_search import within_range
 from sysid.estimation.map import steady_state
+from sysid.estimation.map.steady_state import SteadyTurn
 from sysid.models import greybox
 from sysid.planes import Plane
 
@@ -54,8 +55,9 @@ def autopilot_parameters(
     """
     operating_point = config.operating_point
     length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
-    turn_m = min(1000.0, turn_radius_m(config, model))
-    of_some = _slow_response(config, model) | _turn_limit(config, model)
+    turn = steady_state.steady_turn(config, model, math.radians(config.tailcone.travel_deg))
+    turn_m = min(1000.0, turn.radius_m)
+    of_some = _slow_response(config, model) | _turn_limit(turn)
     return of_some | {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
         "ACT_RATE_DEGPS": (
@@ -115,13 +117,11 @@ def values(config: VehicleConfig) -> dict[str, float]:
     return {name: value for name, (value, _) in described.items()}
 
 
-def _turn_limit(config: VehicleConfig, model: VehicleModel) -> dict[str, tuple[float, str]]:
+def _turn_limit(turn: SteadyTurn) -> dict[str, tuple[float, str]]:
     """Return value and reason of SID_RATE_MAX, if the vehicle can turn on against its rudder."""
-    travel_rad = math.radians(config.tailcone.travel_deg)
-    rate_radps = steady_state.controlled_rate_radps(config, model, travel_rad)
-    if math.isinf(rate_radps):
+    if math.isinf(turn.controlled_radps):
         return {}
-    limit_degps = within_range("SID_RATE_MAX", math.degrees(rate_radps))
+    limit_degps = within_range("SID_RATE_MAX", math.degrees(turn.controlled_radps))
     return {"SID_RATE_MAX": (limit_degps, "half of the yaw rate that the rudder can still end")}
 
 
@@ -147,25 +147,6 @@ def _slow_response(config: VehicleConfig, model: VehicleModel) -> dict[str, tupl
         else f"time in which the elevator raises the nose by {math.degrees(NOSE_UP_RAD):.0f} deg"
     )
     return {"FS_DIVE_S": (min(MAX_DIVE_S, round(seconds, 1)), reason)}
-
-
-def turn_radius_m(config: VehicleConfig, model: VehicleModel) -> float:
-    """Return the radius of the steady turn at full travel and the thrust of the operating point.
-
-    Parameters
-    ----------
-    config : VehicleConfig
-        Vehicle file.
-    model : VehicleModel
-        Model built from it.
-
-    Returns
-    -------
-    float
-        Speed over yaw rate in the horizontal plane (m).
-    """
-    turn = steady_state.steady_turn(config, model, math.radians(config.tailcone.travel_deg))
-    return turn.speed_mps / turn.rate_radps
 
 
 def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:

@@ -139,7 +139,7 @@ def redesign(
         gains,
         loads,
         spec,
-        lambda rudder_rad: steady_state.largest_turn_radps(known.config, known.model, rudder_rad),
+        partial(steady_state.steady_turn, known.config, known.model),
     )
     gains |= reference_models.depth(vehicle, gains, loads, spec)
     design = _assemble(model, vehicle, gains, initial, spec, robust)

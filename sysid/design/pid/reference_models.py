@@ -16,6 +16,7 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.design.design_model import DesignModel
 from sysid.design.pid import step_response
 from sysid.design.specification import DesignInfeasibleError, Loads, Spec
+from sysid.estimation.map.steady_state import SteadyTurn
 from sysid.models.linear_planes import LinearPlane
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def heading(
     values: Mapping[str, float],
     loads: Loads,
     spec: Spec,
-    turn: Callable[[float], float],
+    turn: Callable[[float], SteadyTurn],
 ) -> dict[str, float]:
     """Return HDG_REF_W (rad/s) and HDG_REF_RATE (deg/s).
 
@@ -65,9 +66,8 @@ def heading(
     spec : Spec
         `heading_step_deg` and `travel_deg`.
     turn : Callable
-        Return the largest yaw rate (rad/s) with a rudder angle (`steady_state.largest_turn_radps`).
-        In a turn the hull loses speed and crossflow damps it, so that it is slower than that of the
-        linear model.
+        Return the steady turn with a rudder angle (rad). In a turn the hull loses speed and
+        crossflow damps it, so that it is slower than that of the linear model.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def heading(
         No bandwidth meets the limit.
     """
     free_travel_rad = math.radians(spec.travel_deg) - loads.rudder_rad
-    max_rate_degps = math.degrees(TURN_SHARE * turn(free_travel_rad))
+    max_rate_degps = math.degrees(TURN_SHARE * turn(free_travel_rad).reference_radps)
     rate = {"HDG_REF_RATE": round(min(45.0, max(0.1, max_rate_degps)), 1)}
     step = math.radians(spec.heading_step_deg)
     for bandwidth in BANDWIDTHS_RADPS:

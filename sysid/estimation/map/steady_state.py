@@ -97,6 +97,20 @@ class SteadyTurn(NamedTuple):
     speed_mps: float
     rate_radps: float
     """Yaw rate, without sign."""
+    controlled_radps: float
+    """Largest yaw rate at which the rudder controls the vehicle: CONTROLLED_SHARE of the largest
+    one, while the turn develops, that the opposite rudder ends. Infinite if that ends the steady
+    turn; a hull that is unstable in yaw can turn on against its rudder."""
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the path of the vehicle."""
+        return self.speed_mps / self.rate_radps
+
+    @property
+    def reference_radps(self) -> float:
+        """Largest yaw rate that a heading reference may ask of the rudder."""
+        return min(self.rate_radps, self.controlled_radps)
 
 
 def steady_turn(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> SteadyTurn:
@@ -114,92 +128,38 @@ def steady_turn(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -
     Returns
     -------
     SteadyTurn
-        Speed and yaw rate after TURN_LENGTHS hull lengths.
-    """
-    u, v, rate, *_ = _turn(config, model, rudder_rad)[-1]
-    return SteadyTurn(math.hypot(u, v), abs(float(rate)))
-
-
-def controlled_rate_radps(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> float:
-    """Return the largest yaw rate at which the rudder controls a vehicle that is unstable in yaw.
-
-    Such a hull can turn on against its rudder.
-
-    Parameters
-    ----------
-    config : VehicleConfig
-        Vehicle file.
-    model : VehicleModel
-        Model built from it.
-    rudder_rad : float
-        Largest rudder angle (rad).
-
-    Returns
-    -------
-    float
-        CONTROLLED_SHARE of the largest rate of a developing turn that the opposite rudder ends;
-        infinite if it ends the steady turn.
-    """
-    turn = _turn(config, model, rudder_rad)
-
-    def goes_on(row: int) -> bool:
-        """Return whether the turn goes on if the rudder changes sides at a time."""
-        final = _turn(config, model, -rudder_rad, turn[row])[-1]
-        return bool(final[RATE] * turn[-1, RATE] > 0.0)
-
-    last = len(turn) - 1
-    if not goes_on(last):
-        return math.inf
-    first = bisect.bisect_left(range(last), True, key=goes_on)
-    return CONTROLLED_SHARE * abs(float(turn[first, RATE]))
-
-
-def _turn(
-    config: VehicleConfig, model: VehicleModel, rudder_rad: float, start: Array | None = None
-) -> Array:
-    """Return the motion for TURN_LENGTHS hull lengths after a rudder angle, from straight flight.
-
-    Parameters
-    ----------
-    start : ndarray, optional
-        Motion from which it begins in place of straight flight.
+        Speed and yaw rate after TURN_LENGTHS hull lengths, and the rate that is controlled.
     """
     point = config.operating_point
     turn_s = TURN_LENGTHS * hull.length_m(config.hull) / point.speed_mps
     samples = math.ceil(turn_s / TURN_STEP_S) + 1
-    straight = np.array([point.speed_mps, 0.0, 0.0, 0.0, 0.0])
-    return greybox.integrate(
-        straight if start is None else start,
-        np.full(samples, rudder_rad),
-        np.full(samples, point.thrust_fraction * model.propeller.full_rps),
-        1,
-        TURN_STEP_S,
-        True,
-        greybox.constraint(model, Plane.YAW),
-        model,
-        np.zeros((samples, greybox.N_COUPLING)),
-    )
 
+    def turn(start: Array, angle_rad: float) -> Array:
+        """Return the motion that begins with a motion and a rudder angle."""
+        return greybox.integrate(
+            start,
+            np.full(samples, angle_rad),
+            np.full(samples, point.thrust_fraction * model.propeller.full_rps),
+            1,
+            TURN_STEP_S,
+            True,
+            greybox.constraint(model, Plane.YAW),
+            model,
+            np.zeros((samples, greybox.N_COUPLING)),
+        )
 
-def largest_turn_radps(config: VehicleConfig, model: VehicleModel, rudder_rad: float) -> float:
-    """Return the largest yaw rate that a heading reference may ask of a rudder.
+    motion = turn(np.array([point.speed_mps, 0.0, 0.0, 0.0, 0.0]), rudder_rad)
+    u, v, rate, *_ = motion[-1]
 
-    Parameters
-    ----------
-    config : VehicleConfig
-        Vehicle file.
-    model : VehicleModel
-        Model built from it.
-    rudder_rad : float
-        Largest rudder angle (rad).
+    def goes_on(row: int) -> bool:
+        """Return whether the turn goes on if the rudder changes sides at a time."""
+        return bool(turn(motion[row], -rudder_rad)[-1, RATE] * rate > 0.0)
 
-    Returns
-    -------
-    float
-        That of the steady turn, and not more than `controlled_rate_radps`.
-    """
-    steady_radps = steady_turn(config, model, rudder_rad).rate_radps
-    return min(steady_radps, controlled_rate_radps(config, model, rudder_rad))
+    controlled_radps = math.inf
+    if goes_on(samples - 1):
+        first = bisect.bisect_left(range(samples - 1), True, key=goes_on)
+        controlled_radps = CONTROLLED_SHARE * abs(float(motion[first, RATE]))
+    return SteadyTurn(math.hypot(u, v), abs(float(rate)), controlled_radps)
 
 
 def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:

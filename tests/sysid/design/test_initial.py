@@ -333,7 +333,7 @@ def test_controlled_rate_is_half_of_that_from_which_the_rudder_ends_a_turn(
     known = config.parse(SPINNING, "spinning.toml")
     model, point, rudder_rad = build_model.build(known), known.operating_point, math.radians(15.0)
     ship = trials.matrices(model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps)
-    limit_radps = 2.0 * steady_state.controlled_rate_radps(known, model, rudder_rad)
+    limit_radps = 2.0 * steady_state.steady_turn(known, model, rudder_rad).controlled_radps
     _, turning = ship.run(ship.start, rudder_rad, 60.0, lambda x: abs(x[11]) - share * limit_radps)
     _, final = ship.run(turning, -rudder_rad, 30.0, None)
     assert (ship.read(final)[11] * ship.read(turning)[11] < 0.0) == ends
@@ -351,7 +351,8 @@ def test_vehicle_that_turns_on_gets_slow_turns_and_ends_fast_tests(tmp_path: Pat
 def test_rudder_of_shipped_vehicles_ends_every_turn(name: str) -> None:
     known = config.load(name)
     travel_rad = math.radians(known.tailcone.travel_deg)
-    assert math.isinf(steady_state.controlled_rate_radps(known, flight.model(name), travel_rad))
+    turn = steady_state.steady_turn(known, flight.model(name), travel_rad)
+    assert math.isinf(turn.controlled_radps)
 
 
 @pytest.mark.parametrize("name", config.SHIPPED)
@@ -360,8 +361,9 @@ def test_turn_radius_equals_that_of_six_degrees_of_freedom(name: str) -> None:
     known, model = config.load(name), flight.model(name)
     point = known.operating_point
     ship = trials.kernels(model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps)
-    turn = trials.circle(ship, math.radians(known.tailcone.travel_deg), 90.0)
-    radius_m = vehicle_parameters.turn_radius_m(known, model)
+    travel_rad = math.radians(known.tailcone.travel_deg)
+    turn = trials.circle(ship, travel_rad, 90.0)
+    radius_m = steady_state.steady_turn(known, model, travel_rad).radius_m
     assert radius_m == pytest.approx(turn.radius_m, rel=2e-3)
 
 
