@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from autopilot.control.params import PARAMETERS
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
 from sysid.data.readers.csv_table import MIN_THRUST
@@ -20,8 +21,7 @@ from sysid.screening import RunScreening, Screening, proposals, screen, wiring
 from sysid.screening.excitation import NO_EXCITATION
 from sysid.screening.wiring import LogOfRuns
 
-TRAVELS_DEG = 1.0, 45.0
-"""Smallest and largest travel in a vehicle file, which are also those of the parameter."""
+_TRAVEL_PARAMETER = next(row for row in PARAMETERS if row.name == TRAVEL)
 MAX_GAIN = 1e3
 """Largest gain that a log may hold: a radian of duct for a milliradian, or for a millimetre."""
 
@@ -75,12 +75,12 @@ def with_logged_travel(knowledge: PriorKnowledge, logs: Sequence[Log]) -> PriorK
 
     The parameter limits the commands of the vehicle that was flown; the file may be of another one.
     With a smaller travel, larger commands would be clipped before they move the model. A vehicle
-    file cannot hold a travel outside `TRAVELS_DEG`.
+    file has the range of the parameter, so a travel beyond it is left out.
     """
     config = knowledge.config
     known_deg = config.tailcone.travel_deg
     other_deg = (log.parameters[TRAVEL] for log in logs if not _has_travel(log, known_deg))
-    travel_deg = next((x for x in other_deg if TRAVELS_DEG[0] <= x <= TRAVELS_DEG[1]), known_deg)
+    travel_deg = next(filter(_TRAVEL_PARAMETER.accepts, other_deg), known_deg)
     tailcone = msgspec.structs.replace(config.tailcone, travel_deg=travel_deg)
     return knowledge._replace(config=msgspec.structs.replace(config, tailcone=tailcone))
 
