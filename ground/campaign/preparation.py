@@ -37,7 +37,7 @@ SHALLOWEST_M = 1.0
 RATE_LIMIT, RATE_LIMIT_DEGPS = "SID_RATE_MAX", 60.0
 """Parameter of the yaw or pitch rate that ends a test, and its value for Caribou (deg/s)."""
 MAX_RATE_LIMIT_DEGPS = 180.0
-"""Its largest value for another vehicle (deg/s)."""
+"""Largest value of RATE_LIMIT for another vehicle (deg/s)."""
 SEED = 1
 """Seed of the simulated sea, the same for all campaigns."""
 

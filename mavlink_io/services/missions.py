@@ -209,7 +209,8 @@ class _Plan(NamedTuple):
     mission_type: int
     """MAV_MISSION_TYPE."""
     order: FrameOrder
-    """Of all uploads and downloads of a client: an answer to an earlier one is late."""
+    """Order of the vehicle's frames over all uploads and downloads: an answer to an earlier one is
+    late."""
 
 
 class _PlanExchange(Exchange[T]):

@@ -245,6 +245,18 @@ def test_params_list_hostile_names_are_escaped(hostile: FakeVehicle) -> None:
     assert "[/b]" in done.output
 
 
+def usage_error(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Any:
+    """Return what `ground` prints for arguments that it does not accept."""
+    monkeypatch.setattr(sys, "argv", ["ground", *words])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        command_line.main()
+    assert ended.value.code == 2
+    return capsys.readouterr()
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -258,12 +270,7 @@ def test_params_list_hostile_names_are_escaped(hostile: FakeVehicle) -> None:
 def test_usage_error_has_no_control_characters(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["ground", *words])
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    said: Any = capsys.readouterr()
-    assert ended.value.code == 2
+    said = usage_error(words, monkeypatch, capsys)
     assert forbidden(said.out + said.err) == []
     assert "Error" in said.err
 
@@ -272,11 +279,6 @@ def test_usage_error_has_no_control_characters(
 def test_command_without_arguments_prints_its_help_in_lines(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["ground", *words])
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    assert ended.value.code == 2
-    lines = capsys.readouterr().err.splitlines()
+    lines = usage_error(words, monkeypatch, capsys).err.splitlines()
     assert "Commands:" in lines
     assert not any("\\n" in line for line in lines)

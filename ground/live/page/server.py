@@ -9,7 +9,6 @@ import asyncio
 import errno
 import ipaddress
 import socket
-import time
 from collections.abc import AsyncIterator
 from importlib.resources import files
 from threading import Thread
@@ -25,6 +24,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from ground.live.page.connections import PageConnection
 from ground.live.page.page_state import Browser, PageState
+from mavlink_io.clock import wall_s
 from mavlink_io.errors import InputError
 
 LOOPBACK, PORT = "127.0.0.1", 8750
@@ -33,7 +33,7 @@ PERIOD_S = 0.1
 SILENCE_S = 1.0
 """Wall time after which a browser without news is sent an empty line.
 
-Only a write finds that a browser has left which had sent a part of a second request.
+A browser that has left after a part of a second request is found only by a write.
 """
 CLOSE_TIMEOUT_S = 1.0
 """Wall time in which the last events may leave; a stopped browser takes none."""
@@ -205,15 +205,13 @@ def application(state: PageState) -> ASGIApp:
 async def _events(state: PageState, browser: Browser) -> AsyncIterator[bytes]:
     """Yield the events of one browser until the server ends."""
     yield b"retry: 1000\n\n"
-    sent_s = time.monotonic()
+    sent_s = wall_s()
     while True:
         closing = state.closing
-        if message := state.news(browser):
-            yield b"data: " + message + b"\n\n"
-            sent_s = time.monotonic()
-        elif time.monotonic() - sent_s > SILENCE_S:
-            yield b"\n"
-            sent_s = time.monotonic()
+        message = state.news(browser)
+        if message or wall_s() - sent_s > SILENCE_S:
+            yield b"data: " + message + b"\n\n" if message else b"\n"
+            sent_s = wall_s()
         if closing:
             yield b"event: end\ndata: {}\n\n"
             return
