@@ -235,9 +235,11 @@ class GroundLink:
 
     def _device(self, component: int) -> Endpoint:
         """Return the endpoint that sends under the id of an onboard device."""
+        own = self.endpoint
+        if component == own.component:  # one id, one sequence: receivers count gaps as lost frames
+            return own
         device = self._devices.get(component)
         if device is None:
-            own = self.endpoint
             device = self._devices[component] = Endpoint(
                 self.transport, own.system, component, own.signing
             )

@@ -138,6 +138,24 @@ def test_relay_sends_hull_pressure(line: Line) -> None:
     )
 
 
+def test_device_with_the_autopilots_id_has_its_sequence(line: Line) -> None:
+    """Interface computers without ids of their own send as component 1."""
+    hull, autopilot = dialect.by_name("SCALED_PRESSURE"), 1
+    pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 77, 1, autopilot)
+    line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
+    sample = only_sample(line.autopilot)
+    harness = Harness()
+    for _ in range(3):
+        harness.server.relay(sample.relayed)
+        harness.tick()
+        harness.server.flush()
+    sequences = [
+        m.get_seq() for m in harness.station.pop_received() if m.get_srcComponent() == autopilot
+    ]
+    assert len(sequences) > 3
+    assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+
+
 def test_device_frames_without_samples_are_limited(line: Line) -> None:
     hull = dialect.by_name("SCALED_PRESSURE")
     for number in range(3 * hil.MAX_QUEUED_FRAMES):
