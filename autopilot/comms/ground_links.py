@@ -106,7 +106,8 @@ class GroundLink:
         self.schedule = Schedule(self.profile, streams, modem_s)
         self._datagrams = transport.address.startswith("udp")
         self._max_packet_bytes = MAX_DATAGRAM_BYTES if self._datagrams else MAX_STREAM_BYTES
-        self._devices: dict[int, Endpoint] = {}
+        self._devices: dict[int, Endpoint] = {COMPONENT: self.endpoint}
+        """Endpoint of each component: receivers count gaps in the sequence of an id as losses."""
         self._outbox: list[QueuedFrame | _TickTelemetry] = []
         self.errors: list[Exception] = []
         """Exceptions of messages that could not be encoded; the other messages were sent."""
@@ -235,11 +236,9 @@ class GroundLink:
 
     def _device(self, component: int) -> Endpoint:
         """Return the endpoint that sends under the id of an onboard device."""
-        own = self.endpoint
-        if component == own.component:  # one id, one sequence: receivers count gaps as lost frames
-            return own
         device = self._devices.get(component)
         if device is None:
+            own = self.endpoint
             device = self._devices[component] = Endpoint(
                 self.transport, own.system, component, own.signing
             )

@@ -7,6 +7,7 @@ import pytest
 
 from autopilot.comms import hil
 from autopilot.comms.hil import HilSample
+from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Framer, encode
 from mavlink_io.records import (
@@ -122,13 +123,18 @@ def test_relay_sends_dvl_and_encoders_but_not_battery(
         ]
 
 
-def test_relay_sends_hull_pressure(line: Line) -> None:
-    hull, component = dialect.by_name("SCALED_PRESSURE"), 158
+def sample_with_hull_pressure(line: Line, component: int) -> HilSample:
+    """Return a sample received with the pressure in the hull from a device."""
+    hull = dialect.by_name("SCALED_PRESSURE")
     pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 0, 1, component)
     line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
-    sample = only_sample(line.autopilot)
+    return only_sample(line.autopilot)
+
+
+def test_relay_sends_hull_pressure(line: Line) -> None:
+    component = 158
     harness = Harness()
-    harness.server.relay(sample.relayed)
+    harness.server.relay(sample_with_hull_pressure(line, component).relayed)
     harness.server.flush()
     reported = only(harness.station.pop_received(), "SCALED_PRESSURE")
     assert (reported.get_srcComponent(), reported.press_abs, reported.temperature) == (
@@ -139,18 +145,14 @@ def test_relay_sends_hull_pressure(line: Line) -> None:
 
 
 def test_device_with_the_autopilots_id_has_its_sequence(line: Line) -> None:
-    """Interface computers without ids of their own send as component 1."""
-    hull, autopilot = dialect.by_name("SCALED_PRESSURE"), 1
-    pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 77, 1, autopilot)
-    line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
-    sample = only_sample(line.autopilot)
-    harness = Harness()
+    """Interface computers without an id of their own send as component 1."""
+    sample, harness = sample_with_hull_pressure(line, COMPONENT), Harness()
     for _ in range(3):
         harness.server.relay(sample.relayed)
         harness.tick()
         harness.server.flush()
     sequences = [
-        m.get_seq() for m in harness.station.pop_received() if m.get_srcComponent() == autopilot
+        m.get_seq() for m in harness.station.pop_received() if m.get_srcComponent() == COMPONENT
     ]
     assert len(sequences) > 3
     assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
