@@ -269,8 +269,8 @@ def open_recorded_vehicle(
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
     """Open a link to a vehicle and record all its frames; close both at the end.
 
-    Log files in which no dive was recorded are removed, also after bad input if the vehicle was not
-    armed. A corrected command then finds their names free.
+    Log files of a vehicle that this program has not armed are removed: no dive was recorded. The
+    repeated or corrected command then finds their names free.
 
     Parameters
     ----------
@@ -299,22 +299,24 @@ def open_recorded_vehicle(
             stack.enter_context(affinity.restrict_to_free_cores())
         signature = stack.enter_context(open_signing(key_file))
         recorder = Recorder(log, tlog)
-        stack.callback(recorder.remove_if_empty)
-        stack.callback(recorder.finish)
         vehicle = VehicleClient(
             transport, recorder, simulated.check if simulated else None, signature, system
         )
+        stack.callback(_remove_without_dive, vehicle, recorder)
+        stack.callback(recorder.finish)
         vehicle.on_remark = on_remark
         try:
             yield vehicle, recorder
-        except InputError:
-            if not (vehicle.armed or vehicle.arm_requested or vehicle.disarmings):
-                recorder.remove()
-            raise
         except VehicleClientError:
             if simulated:
                 _raise_process_error(simulated)
             raise
+
+
+def _remove_without_dive(vehicle: VehicleClient, recorder: Recorder) -> None:
+    """Remove the files of a finished recorder if this program has not armed the vehicle."""
+    if not (vehicle.arm_requested or vehicle.disarmings):
+        recorder.remove()
 
 
 def _raise_process_error(simulated: SimulatedVehicle) -> None:

@@ -21,7 +21,6 @@ from mavlink_io.vehicle_clock import unwrap_us
 
 FLUSH_PERIOD_S = 0.2
 """Wall time between flushes."""
-_NO_TELEMETRY = {dialect.by_name(name).message_id for name in ("HEARTBEAT", "PARAM_VALUE")}
 RESTART_US = 10_000_000
 """Step back of vehicle time that counts as a restart of the autopilot; a smaller step is an old
 sample, such as a satellite fix."""
@@ -205,14 +204,6 @@ class Recorder:
         self._file.close()
         if self._tlog is not None:
             self._tlog.close()
-
-    def remove_if_empty(self) -> None:
-        """Remove the files if they hold heartbeats and parameters at most: no dive was recorded.
-
-        Call it after `finish`; a repeated command then finds its file names free.
-        """
-        if all(message_id in _NO_TELEMETRY for _, _, message_id in self._streams):
-            self.remove()
 
     def remove(self) -> None:
         """Remove the files; what is recorded later is lost."""

@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from mavlink_io.clock import Interval
 from mavlink_io.codec import Frame
 from mavlink_io.errors import OperationError
 from mavlink_io.mission_items import MavCmd, MissionItem
-from tests.ground.fake import FakeVehicle, step_while_waiting
-from tests.ground.live.page.telemetry import frame, heartbeat
+from tests.ground.fake import DENIED, FakeVehicle, step_while_waiting
+from tests.ground.live.page.telemetry import frame
 
 HOUR_MS = 3_600_000
 """Vehicle time at the start of a dive, of a vehicle that was switched on an hour before."""
@@ -113,20 +114,6 @@ def test_warning_ends_when_vehicle_time_advances_again(vehicle: Vehicle) -> None
     assert (warned_s[0], warned_s[-1]) == (69.5, 89.5)
 
 
-def test_log_with_heartbeats_at_most_is_removed(tmp_path: Path) -> None:
-    log, tlog = tmp_path / "dive.mcap", tmp_path / "dive.tlog"
-    with flight.open_recorded_vehicle("memory:nobody", log, tlog) as (_, recorder):
-        recorder.record(heartbeat())
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_log_with_a_text_is_kept(tmp_path: Path) -> None:
-    log = tmp_path / "dive.mcap"
-    with flight.open_recorded_vehicle("memory:text", log) as (_, recorder):
-        recorder.record(frame("STATUSTEXT", severity=3, text="no depth sensor"))
-    assert log.exists()
-
-
 def test_pause_of_the_program_is_no_stall(vehicle: Vehicle) -> None:
     clock = DiveClock(vehicle.recorder, 1)
     vehicle.now_s += 10.0 * STALL_TIMEOUT_S
@@ -148,7 +135,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
 
 def error_of_a_dive(folder: Path) -> BaseException:
     """Return the error that ends a dive of one item."""
-    dive = flight.Dive("m", (MissionItem(0, 2, MavCmd.NAV_LAND),), folder / "dive.mcap")
+    dive = replace(DIVE, log=folder / "dive.mcap", tlog=folder / "dive.tlog")
     with pytest.raises((OSError, OperationError)) as raised:
         flight.fly(dive, "udpin:127.0.0.1:14550")
     return raised.value
@@ -182,3 +169,20 @@ def test_fly_lost_link_notes_the_state_of_the_vehicle(
     error = error_of_a_dive(tmp_path)
     assert "no heartbeat" in str(error)
     assert error.__notes__[0].startswith(STILL_UNDER_WAY)
+    assert {path.name for path in tmp_path.iterdir()} == {"dive.mcap", "dive.tlog"}
+
+
+def test_fly_refused_arming_leaves_no_log(fake: FakeVehicle, tmp_path: Path) -> None:
+    """The next command finds the names of the logs free."""
+    fake.answers[MavCmd.COMPONENT_ARM_DISARM] = [DENIED]
+    fake.send_text("Not armed: no depth sensor")
+    assert "denied" in str(error_of_a_dive(tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_fly_vehicle_that_another_program_flies_leaves_no_log(
+    fake: FakeVehicle, tmp_path: Path
+) -> None:
+    fake.heartbeat(armed=True)
+    assert "already armed" in str(error_of_a_dive(tmp_path))
+    assert not list(tmp_path.iterdir())
