@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log, VelocitySource
-from sysid.data.events import Armed, Failsafe, PlainText
+from sysid.data.events import Armed, Failsafe, InjectedFault, PlainText
 from sysid.data.readers.servo_channels import names_surfaces
 from sysid.monitor.tracking_metrics import SUBMERGED_M, SteadyWindow
 
@@ -64,6 +64,7 @@ class SymptomKind(StrEnum):
     AFLOAT = "does not leave the surface"
     CURRENT = "strong current"
     FAILSAFE = "failsafe"
+    INJECTED = "fault injected by the simulator"
     REPORTED = "reported by the vehicle"
     CUT_OFF = "log ends under way"
 
@@ -81,6 +82,7 @@ _TRIM_REMEDY = (
 
 _REPORT_REMEDY = "find the cause of this report before gains or trims are changed"
 """Remedy of the first report of each kind; later ones often follow from it."""
+_INJECTED_REMEDY = "judge gains and trims by a dive without injected faults"
 
 
 class Symptom(NamedTuple):
@@ -348,22 +350,22 @@ def _means(windows: Sequence[SteadyWindow], time_s: Array, values: Array) -> Arr
 
 
 def _reports(log: Log) -> Iterator[Symptom]:
-    """Yield each failsafe and each different error text of the vehicle, with its first time."""
+    """Yield each failsafe, injected fault and error text of the vehicle, with its first time."""
     seen: dict[str, SymptomKind] = {}
     for event in log.events:
         value = event.value
         if isinstance(value, Failsafe):
             kind, text = SymptomKind.FAILSAFE, value.text
+        elif isinstance(value, InjectedFault):
+            kind, text = SymptomKind.INJECTED, value.name
         elif isinstance(value, PlainText) and value.severity <= WORST_SEVERITY:
             kind, text = SymptomKind.REPORTED, value.text
         else:
             continue
         if text not in seen:
-            remedy = "" if kind in seen.values() else _REPORT_REMEDY
+            is_injected = kind is SymptomKind.INJECTED
+            remedy = _INJECTED_REMEDY if is_injected else _REPORT_REMEDY
+            source = "the simulator injected a fault" if is_injected else "the vehicle reported"
+            message = f"{source} {_when(log, event.time_s)}: {text}"
+            yield Symptom(kind, "", message, "" if kind in seen.values() else remedy)
             seen[text] = kind
-            yield Symptom(
-                kind,
-                "",
-                f"the vehicle reported {_when(log, event.time_s)}: {text}",
-                remedy,
-            )

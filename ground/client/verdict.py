@@ -26,7 +26,12 @@ _FINDING_RANK = {
 """Order of the findings: causes that are symptoms first; others have rank 2.
 
 Those of rank 4 and 5 may be consequences of a fault that the vehicle has reported."""
-_SYMPTOM_RANK = {SymptomKind.FAILSAFE: 1, SymptomKind.CUT_OFF: 1, SymptomKind.REPORTED: 3}
+_SYMPTOM_RANK = {
+    SymptomKind.FAILSAFE: 1,
+    SymptomKind.INJECTED: 1,
+    SymptomKind.CUT_OFF: 1,
+    SymptomKind.REPORTED: 3,
+}
 """Order of the symptoms; others have rank 0."""
 
 

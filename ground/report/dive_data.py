@@ -15,6 +15,7 @@ from sysid.data.dataset import Log, VelocitySource
 from sysid.data.events import (
     Armed,
     Failsafe,
+    InjectedFault,
     ModeChanged,
     PlainText,
     TestEnded,
@@ -174,6 +175,8 @@ def describe(value: VehicleEvent) -> tuple[str, str]:
             return "failsafe", value.text
         case TrimLearned():
             return "text", f"trim learned: {value.text}"
+        case InjectedFault():
+            return "text", f"fault injected: {value.name}"
         case PlainText():
             return "text", value.text
 

@@ -132,6 +132,13 @@ class TrimLearned(NamedTuple):
     """Names and values of the parameters."""
 
 
+class InjectedFault(NamedTuple):
+    """A simulator has started a fault of its scenario, or one that was commanded."""
+
+    name: str
+    """Unit and kind, such as ``rudder stuck``."""
+
+
 class PlainText(NamedTuple):
     """Text without a type of its own."""
 
@@ -140,7 +147,16 @@ class PlainText(NamedTuple):
     text: str
 
 
-VehicleEvent = TestStarted | TestEnded | ModeChanged | Armed | Failsafe | TrimLearned | PlainText
+VehicleEvent = (
+    TestStarted
+    | TestEnded
+    | ModeChanged
+    | Armed
+    | Failsafe
+    | TrimLearned
+    | InjectedFault
+    | PlainText
+)
 
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 
@@ -181,6 +197,7 @@ _PARSERS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], VehicleEvent]],
     (re.compile(r"^Armed"), lambda match: Armed()),
     (re.compile(r"^Failsafe: (.*)"), _failsafe),
     (re.compile(r"^Trim learned: (.*)"), lambda match: TrimLearned(match[1])),
+    (re.compile(r"^Fault: (\w+ \w+)$"), lambda match: InjectedFault(match[1])),
 )
 
 

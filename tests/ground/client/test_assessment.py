@@ -15,7 +15,14 @@ from ground.client.assessment import ErrorCause, Outcome
 from ground.client.dive_symptoms import SymptomKind
 from sysid.data import dataset as logs
 from sysid.data.dataset import Log, LogEvent, VelocitySource
-from sysid.data.events import Armed, Failsafe, FailsafeCause, PlainText, TrimLearned
+from sysid.data.events import (
+    Armed,
+    Failsafe,
+    FailsafeCause,
+    PlainText,
+    TrimLearned,
+    parse_text,
+)
 from tests.helpers.synthetic_dive import EMPTY, constant, decay, dive, swing
 
 Array = NDArray[np.float64]
@@ -323,6 +330,22 @@ def test_failsafe_after_a_fault_has_a_remedy_of_its_own() -> None:
     flown = dive(depth_error_m=constant(-0.9), elevator_deg=0.5, pitch_deg=-4.0)
     found = assessment.assess_log(replace(flown, events=events))
     assert verdict.next_step(found).startswith("find the cause of this report")
+
+
+def test_injected_fault_comes_first_and_asks_for_a_dive_without_it() -> None:
+    """The simulator announces it as a warning, whose texts are no reports of the vehicle."""
+    events = (
+        LogEvent(40.0, parse_text(4, "Fault: rudder biased")),
+        LogEvent(43.0, PlainText(3, "Duct does not follow")),
+        LogEvent(50.0, parse_text(5, "Fault over: rudder biased")),
+    )
+    flown = dive(heading_error_deg=constant(-8.4), rudder_deg=6.05)
+    found = assessment.assess_log(replace(flown, events=events))
+    assert verdict.headline(found) == (
+        "the simulator injected a fault 40 s after the start of the log: rudder biased"
+    )
+    assert verdict.next_step(found).startswith("judge gains and trims by a dive without")
+    assert "Duct does not follow; find the cause" in verdict.format_text(found)
 
 
 def test_reported_fault_does_not_hide_a_trim_that_is_not_set() -> None:

@@ -149,6 +149,7 @@ def test_other_texts_are_kept() -> None:
     assert parse_text(INFO, "Armed: HOLD") == Armed()
     learned = parse_text(5, "Trim learned: TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
     assert learned == events.TrimLearned("TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
+    assert parse_text(4, "Fault: rudder stuck") == events.InjectedFault("rudder stuck")
     assert parse_text(4, "Mode 7 refused") == PlainText(4, "Mode 7 refused")
 
 
