@@ -203,6 +203,21 @@ def remark(message: object) -> None:
     print(f"ground: {printable(message)}", file=sys.stderr)
 
 
+def remark_other_vehicle(model: str | Path, prior: str | None) -> None:
+    """Remark a --prior of another vehicle than that of a model file. Raises InputError."""
+    if prior is None:
+        return
+    from ground.campaign import refit
+
+    own = refit.read_model(Path(model)).vehicle.file.name
+    given = refit.read_vehicle(prior).name
+    if given != own:
+        remark(
+            f"--prior {prior}: is the file of {given}, and {model} was identified from {own}: the"
+            " parameters of the model are differences from its own file"
+        )
+
+
 def to_json(result: dict[str, Any] | msgspec.Struct) -> str:
     """Return a result as JSON in ASCII: control characters escaped, null for NaN and infinity."""
     text = json.dumps(result, default=_to_plain)

@@ -20,6 +20,7 @@ from ground.cli.options import (
     print_result,
     refuse_empty,
     refuse_given,
+    remark_other_vehicle,
 )
 from ground.output_files import check_output
 from mavlink_io.errors import InputError
@@ -130,6 +131,7 @@ def redesign(
             "is for the link of --upload, which is not given",
         )
     identified = refit.read_model(model)
+    remark_other_vehicle(model, prior)
     limits = {
         "damping": damping,
         "gm_db": gm_db,

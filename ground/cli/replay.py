@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, Prior, print_result, refuse_empty
+from ground.cli.options import Json, Prior, print_result, refuse_empty, remark_other_vehicle
 from ground.errors import UnsuccessfulError
 from ground.output_files import new_file
 from mavlink_io.errors import ErrorCode, InputError
@@ -65,6 +65,7 @@ def replay(
         raise InputError("--params: is missing; give --params FILE or --new-controller FILE")
     parameters = param_file.load(params) if params else {}
     if model.endswith(".json"):
+        remark_other_vehicle(model, prior)
         posterior = samples.read(model, refit.read_vehicle(prior))
     else:
         posterior = priors.read(model)

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Jobs, Json, ModelFile, Prior, Seed, print_result, remark
+from ground.cli.options import (
+    Jobs,
+    Json,
+    ModelFile,
+    Prior,
+    Seed,
+    print_result,
+    remark,
+    remark_other_vehicle,
+)
 from ground.errors import UnsuccessfulError
 from ground.output_files import refuse_same_file
 from mavlink_io.errors import InputError
@@ -92,6 +101,7 @@ def simulate(
     loaded = {name: param_file.load(path) for name, path in files.items()}
     plan, start_s = plans.load(mission), wall_s()
     plans.check_local(mission, plan)
+    remark_other_vehicle(model, prior)
     with progress.display("simulate") as display:
         posterior = vehicle_samples.read(model, refit.read_vehicle(prior))
         known = prototype.parameters_of(posterior)

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.cli.main import app
-from ground.cli.options import to_json
+from ground.cli.options import remark_other_vehicle, to_json
 from ground.client import param_file
 from ground.missions import plans
 from ground.report import simulation
@@ -87,6 +87,20 @@ def test_simulate_invalid_option_is_one_line(
     assert isinstance(failure, InputError)
     assert said in str(failure)
     assert "\n" not in str(failure)
+
+
+@pytest.mark.parametrize(("prior_name", "is_remarked"), [("remus100", True), ("edited", False)])
+def test_prior_of_another_vehicle_than_the_model_is_remarked(
+    folder: Path, capsys: pytest.CaptureFixture[str], prior_name: str, *, is_remarked: bool
+) -> None:
+    """The file of the same vehicle with another ballast is what the option is for."""
+    if prior_name == "edited":
+        text = Path(str(config.__file__)).with_name("caribou_nominal.toml").read_text()
+        prior_name = str(folder / "edited.toml")
+        Path(prior_name).write_text(text.replace("x_cm_m = 0.0", "x_cm_m = 0.001"))
+    remark_other_vehicle(folder / "model.json", prior_name)
+    expected = f"ground: --prior {prior_name}: is the file of remus100, and "
+    assert (expected in capsys.readouterr().err) is is_remarked
 
 
 def test_simulate_unknown_parameter_names_file(folder: Path) -> None:
