@@ -321,6 +321,11 @@ PAPER = {
 }
 """Actuator of the paper: 1/(s^2/9 + 4s/10 + 1) with a delay of 0.3 s, at most 15 deg/s."""
 
+MAX_RELATIVE_SD = 0.5
+"""Standard deviation, as a fraction of the value, above which an estimate is undetermined."""
+_POSITIVE = ("gain", "natural_frequency_radps", "damping_ratio", "rate_degps")
+"""Numbers that no actuator has near zero; the others may be zero within their uncertainty."""
+
 
 def format_text(result: Mapping[str, Any], folder: Path) -> str:
     """Return the result as a table."""
@@ -331,7 +336,8 @@ def format_text(result: Mapping[str, Any], folder: Path) -> str:
             paper = f"{PAPER[key]:10.3f}" if key in PAPER else " " * 9 + "-"
             if isinstance(value, dict):
                 sd = "not shown by the data" if value["sd"] is None else f"{value['sd']:.4f}"
-                lines.append(f"  {key:24s} {value['value']:9.4f} +- {sd:10s} {paper}")
+                note = "  undetermined" if _is_undetermined(key, value) else ""
+                lines.append(f"  {key:24s} {value['value']:9.4f} +- {sd:10s} {paper}{note}")
             else:
                 lines.append(f"  {key:24s} {value:9.4f}")
         if axis["model"]["rate_degps"]["sd"] is None:
@@ -339,8 +345,20 @@ def format_text(result: Mapping[str, Any], folder: Path) -> str:
         else:
             lines += ["  rate limit at            triangle Hz   sine Hz   -3 dB Hz    the paper Hz"]
             lines += [_format_limit(limit) for limit in axis["limits"]]
+        if undetermined := [k for k, v in axis["model"].items() if _is_undetermined(k, v)]:
+            lines += [
+                f"  undetermined: {', '.join(undetermined)}; repeat with larger --amplitude, with"
+                f" --frequency up to {MAX_HZ:g} Hz, and with faster reports of the encoder"
+            ]
         lines += [""]
     return "\n".join([*lines, f"{folder}: bench.mcap, bench.json, figure4.png"])
+
+
+def _is_undetermined(key: str, value: Any) -> bool:
+    """Return whether an estimate of the model is too uncertain to be used."""
+    if key not in _POSITIVE or value["sd"] is None:
+        return False
+    return bool(value["sd"] > MAX_RELATIVE_SD * abs(value["value"]))
 
 
 def _format_limit(limit: Mapping[str, Any]) -> str:

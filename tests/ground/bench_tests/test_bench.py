@@ -283,6 +283,20 @@ def test_shipped_moves_equal_shipped_scenario() -> None:
     assert not done
 
 
+def test_lag_that_the_sines_do_not_show_is_undetermined() -> None:
+    """A duct without lag was given 60 +- 69 rad/s; its backlash is known to be zero."""
+    model = {
+        "natural_frequency_radps": {"value": 60.0, "sd": 69.0},
+        "damping_ratio": {"value": 0.7, "sd": 0.3},
+        "rate_degps": {"value": 64.0, "sd": None},
+        "backlash_deg": {"value": 0.01, "sd": 0.02},
+    }
+    text = bench.format_text({"rudder": {"model": model, "limits": []}}, Path("bench"))
+    assert "60.0000 +- 69.0000         3.000  undetermined" in text
+    assert "  undetermined: natural_frequency_radps; repeat with larger --amplitude" in text
+    assert text.count("undetermined") == 2
+
+
 def test_rate_limit_that_is_not_shown_gives_no_frequencies() -> None:
     limit: dict[str, Any] = {"amplitude_deg": 4.0, "half_power_hz": None, "paper_hz": None}
     limit |= {name: {"value": 8.0, "sd": None} for name in ("triangle_hz", "sine_hz")}
