@@ -206,12 +206,15 @@ def upload(
 
 
 def format_changes(changes: "Sequence[ParamChange]", reasons: Mapping[str, str]) -> list[str]:
-    """Return one line per parameter: name, old value, new value, reason."""
-    return [
+    """Return a line per changed parameter (old, new, reason), and the number of the others."""
+    lines = [
         f"  {printable(change.name):16s} {change.before:10.5g} -> {change.after:10.5g} "
         f" {printable(reasons.get(change.name, ''))}".rstrip()
         for change in changes
+        if change.after != change.before
     ]
+    unchanged = len(changes) - len(lines)
+    return [*lines, f"  {unchanged} unchanged"] if unchanged else lines
 
 
 def _print_changes(
