@@ -62,9 +62,10 @@ class ProgressDisplay:
         self._bars.update(
             self._task(name), completed=progress.item + 1, total=progress.items, words=text
         )
+        place = progress.place or f"item {progress.item + 1} of {progress.items}"
         self._print_progress(
             name,
-            f"item {progress.item + 1} of {progress.items}, {depth_m} m deep, heading"
+            f"{place}, {depth_m} m deep, heading"
             f" {heading_deg} deg, {progress.vehicle_s:.0f} s at {speed:.0f}x",
         )
         if progress.warning and progress.warning != self._warnings.get(name):

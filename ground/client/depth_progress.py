@@ -1,12 +1,12 @@
 """A dive whose vehicle is to change its depth, and does not."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from ground.client.stopping import SURFACE
 from ground.client.vehicle import VehicleClient
+from ground.missions.plans import Plan
 from mavlink_io.errors import OperationError
-from mavlink_io.mission_items import MavCmd, MissionItem
+from mavlink_io.mission_items import MavCmd
 
 ASCENT_S = 1800.0
 """Vehicle time for an ascent, and for another change of depth, without progress. A vehicle that is
@@ -24,20 +24,20 @@ class DepthProgress:
 
     Parameters
     ----------
-    items : sequence of MissionItem
+    plan : Plan
         Mission.
     log : Path
         Log of the dive, for the error message.
     """
 
-    def __init__(self, items: Sequence[MissionItem], log: Path) -> None:
+    def __init__(self, plan: Plan, log: Path) -> None:
         self._log = log
         self._waiting = {
-            item.sequence: f"item {item.sequence + 1} of {len(items)}"
-            for item in items
+            item.sequence: place
+            for item, place in zip(plan.items, plan.places, strict=True)
             if item.command == MavCmd.CONDITION_CHANGE_ALT
         }
-        """Name of each item that ends at a depth, by its number."""
+        """Place of each item that ends at a depth, by its number."""
         self._awaited = ""
         self._since_s = self._least_m = self._largest_m = 0.0
 

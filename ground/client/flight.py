@@ -63,6 +63,8 @@ class FlightProgress(NamedTuple):
     heading_deg: float
     warning: str = ""
     """What the user should look at; empty without any trouble."""
+    place: str = ""
+    """The step of the mission file, such as `step 2 of 3`; empty without a file."""
 
 
 @dataclass(frozen=True)
@@ -458,7 +460,8 @@ def _until_disarmed(
     Raises VehicleClientError if vehicle time stalls, and OperationError if a simulated vehicle
     waits for a depth that it does not reach. A real one is recorded until it is recovered.
     """
-    report, depth = Interval(PROGRESS_PERIOD_S), DepthProgress(dive.items, dive.log)
+    places = dive.plan.places
+    report, depth = Interval(PROGRESS_PERIOD_S), DepthProgress(dive.plan, dive.log)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         clock.update()
@@ -466,21 +469,23 @@ def _until_disarmed(
             if vehicle.is_simulated:
                 depth.update(vehicle, clock.vehicle_s)
             if on_progress is not None:
-                on_progress(_progress(vehicle, clock, len(dive.items)))
+                on_progress(_progress(vehicle, clock, places))
         if listener is not None:
             listener.poll()
     if listener is not None:
         listener.poll(last=True)
 
 
-def _progress(vehicle: VehicleClient, clock: DiveClock, items: int) -> FlightProgress:
-    """Return the progress according to the last messages."""
+def _progress(vehicle: VehicleClient, clock: DiveClock, places: Sequence[str]) -> FlightProgress:
+    """Return the progress according to the last messages; `places` are those of the items."""
     current = vehicle.latest("MISSION_CURRENT")
+    item = min(current.seq, len(places) - 1) if current else 0
     position = vehicle.latest("LOCAL_POSITION_NED")
     attitude = vehicle.latest("ATTITUDE")
     return FlightProgress(
-        item=current.seq if current else 0,
-        items=items,
+        item=item,
+        items=len(places),
+        place=places[item],
         vehicle_s=clock.vehicle_s,
         wall_s=clock.wall_s,
         depth_m=position.z if position else 0.0,

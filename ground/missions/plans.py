@@ -56,6 +56,14 @@ class Plan(NamedTuple):
     rally: tuple[MissionItem, ...] = ()
     """Rally points in the file."""
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Place of each item in the mission: `step 2 of 3`, or `item 3 of 5` without steps."""
+        numbers = {label: n for n, label in enumerate(dict.fromkeys(self.labels), start=1)}
+        return tuple(
+            f"{label.partition(' ')[0]} {numbers[label]} of {len(numbers)}" for label in self.labels
+        )
+
 
 class MissionLimits(NamedTuple):
     """Limits of a vehicle for missions; infinite if it has no such parameter."""

@@ -8,14 +8,18 @@ from typing import Any
 import pytest
 
 from ground.client.depth_progress import ASCENT_S, DepthProgress
+from ground.missions.plans import Plan
 from mavlink_io.errors import OperationError
 from mavlink_io.mission_items import MavCmd, MissionItem
 
-ITEMS = (
-    MissionItem(0, 2, MavCmd.DO_CHANGE_ALTITUDE),
-    MissionItem(1, 3, MavCmd.CONDITION_CHANGE_ALT),
-    MissionItem(2, 2, MavCmd.NAV_DELAY),
-    MissionItem(3, 3, MavCmd.NAV_WAYPOINT),
+PLAN = Plan(
+    (
+        MissionItem(0, 2, MavCmd.DO_CHANGE_ALTITUDE),
+        MissionItem(1, 3, MavCmd.CONDITION_CHANGE_ALT),
+        MissionItem(2, 2, MavCmd.NAV_DELAY),
+        MissionItem(3, 3, MavCmd.NAV_WAYPOINT),
+    ),
+    ("step 1", "step 1", "step 2", "step 3"),
 )
 
 
@@ -34,7 +38,7 @@ class Vehicle:
 
 def waited_s(vehicle: Vehicle, depth_rate_mps: float = 0.0, wave_m: float = 0.0) -> float:
     """Return the time after which a dive is given up; raises AssertionError if it is not."""
-    progress, first_m = DepthProgress(ITEMS, Path("dive.mcap")), vehicle.depth_m
+    progress, first_m = DepthProgress(PLAN, Path("dive.mcap")), vehicle.depth_m
     for time_s in range(0, int(4.0 * ASCENT_S), 7):
         vehicle.depth_m = first_m + depth_rate_mps * time_s + wave_m * math.sin(time_s)
         try:
@@ -53,9 +57,9 @@ def test_ascent_without_change_of_depth_is_given_up(wave_m: float) -> None:
 def test_item_whose_depth_is_not_reached_is_given_up() -> None:
     vehicle = Vehicle("MISSION", sequence=1)
     vehicle.depth_m = 0.2
-    progress = DepthProgress(ITEMS, Path("dive.mcap"))
+    progress = DepthProgress(PLAN, Path("dive.mcap"))
     progress.update(vehicle, 10.0)  # type: ignore[arg-type]
-    reason = r"0\.2 m deep in item 2 of 4, .* for 1800 s: .*kept in dive\.mcap"
+    reason = r"0\.2 m deep in step 1 of 3, .* for 1800 s: .*kept in dive\.mcap"
     with pytest.raises(OperationError, match=reason):
         progress.update(vehicle, 11.0 + ASCENT_S)  # type: ignore[arg-type]
 

@@ -4,6 +4,7 @@ import errno
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from mavlink_io.errors import OperationError
 from mavlink_io.mission_items import MavCmd, MissionItem
 from tests.ground.fake import DENIED, FakeVehicle, step_while_waiting
 from tests.ground.live.page.telemetry import frame
+from tests.sysid.monte_carlo.files import SHORT_MISSION
 
 HOUR_MS = 3_600_000
 """Vehicle time at the start of a dive, of a vehicle that was switched on an hour before."""
@@ -68,7 +70,9 @@ class EndedError(Exception):
     """Ends the dive of a test."""
 
 
-def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
+def progress_of(
+    vehicle: Vehicle, duration_s: float, dive: flight.Dive = DIVE
+) -> list[FlightProgress]:
     """Return the progress reports of a dive of this wall time."""
     reports = list[FlightProgress]()
 
@@ -79,7 +83,7 @@ def progress_of(vehicle: Vehicle, duration_s: float) -> list[FlightProgress]:
 
     clock = DiveClock(vehicle.recorder, 1)
     with pytest.raises(EndedError):
-        flight._until_disarmed(vehicle, clock, DIVE, watch, None)  # type: ignore[arg-type]
+        flight._until_disarmed(vehicle, clock, dive, watch, None)  # type: ignore[arg-type]
     return reports
 
 
@@ -97,6 +101,22 @@ def test_real_vehicle_that_cannot_surface_is_recorded_further(vehicle: Vehicle) 
 def test_progress_counts_vehicle_time_from_the_start_of_the_dive(vehicle: Vehicle) -> None:
     last = progress_of(vehicle, 10.0)[-1]
     assert (last.vehicle_s, last.wall_s, last.warning) == (20.0, 10.0, "")
+
+
+def test_progress_names_the_step_of_the_mission_file(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second of two steps was "item 4 of 5": a step of a leg is several items."""
+    leg = Path("two.toml")
+    current = SimpleNamespace(seq=2)
+    monkeypatch.setattr(vehicle, "latest", lambda name: {"MISSION_CURRENT": current}.get(name))
+    monkeypatch.chdir(vehicle.recorder.path.parent)
+    leg.write_text(SHORT_MISSION)
+    two = flight.Dive.load("two.toml", Path("dive.mcap"))
+    assert len(two.items) > 2
+    assert progress_of(vehicle, 1.0, two)[-1].place == "step 1 of 2"
+    current.seq = len(two.items) - 1
+    assert progress_of(vehicle, 1.0, two)[-1].place == "step 2 of 2"
 
 
 def test_stalled_vehicle_time_gives_a_warning_and_then_an_error(vehicle: Vehicle) -> None:
