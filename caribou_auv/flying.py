@@ -7,8 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
+from numbers import Real
 from pathlib import Path
 
+from caribou_auv.parameters import checked
 from ground.campaign import prototype, refit
 from ground.client import flight
 from ground.client.flight import Dive
@@ -111,7 +113,7 @@ def fly(
         An input cannot be used, or the vehicle was not found, refused or was lost.
     """
     log_file = new_file(Path(log))
-    dive = Dive.load(str(mission), log_file, parameters=dict(parameters or {}))
+    dive = Dive.load(str(mission), log_file, parameters=checked(parameters))
     if connect is not None:
         return _flight(flight.fly(dive, connect))
     if not autopilot:
@@ -178,6 +180,11 @@ def _scenario_with_faults(name: str, faults: Sequence[Fault]) -> Iterator[str]:
 
     The file stands beside the scenario, whose floor file has a relative path.
     """
+    if not isinstance(faults, Sequence) or not all(isinstance(row, Mapping) for row in faults):
+        raise InputError(
+            f"faults = {faults!r}: expected a list of faults, such as"
+            ' [{"at_s": 60.0, "unit": "rudder", "kind": "stuck"}]'
+        )
     if not faults:
         yield name
         return
@@ -199,12 +206,19 @@ def _scenario_with_faults(name: str, faults: Sequence[Fault]) -> Iterator[str]:
 
 
 def _fault_table(fault: Fault) -> str:
-    """Return a fault as a table of a scenario file."""
-    rows = [
-        f"{key} = {repr(value) if isinstance(value, int | float) else _quoted(value)}\n"
-        for key, value in fault.items()
-    ]
-    return "\n[[fault]]\n" + "".join(rows)
+    """Return a fault as a table of a scenario file. Raises InputError."""
+    return "\n[[fault]]\n" + "".join(
+        f"{_quoted(str(key))} = {_toml_value(key, value)}\n" for key, value in fault.items()
+    )
+
+
+def _toml_value(key: str, value: float | str) -> str:
+    """Return a value of a fault as TOML. Raises InputError."""
+    if isinstance(value, str):
+        return _quoted(value)
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise InputError(f"faults: {key} = {value!r}: expected a number or a text")
+    return str(value)  # of numpy's numbers, too, whose repr is no TOML
 
 
 def _quoted(text: str) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from autopilot.control import params
+from caribou_auv.parameters import checked
 from ground.campaign import refit
 from ground.log_tools.replay import ReplayRequest, replay_log
 from ground.missions import plans
@@ -59,7 +60,7 @@ def simulate(
     """
     prior = _prior(model, vehicle)
     craft = prior.vehicle(prior.mean)
-    values = {**samples.trims_deg(craft), **(parameters or {})}
+    values = {**samples.trims_deg(craft), **checked(parameters)}
     items = plans.load_items(str(mission))
     config = params.config(values)
     return simulation.fly(craft, prior.noise, items, config, sea or Sea(), (seed,))
@@ -107,7 +108,7 @@ def replay(
     prior = _prior(model, vehicle)
     request = ReplayRequest(
         Path(log),
-        parameters,
+        checked(parameters),
         mission=str(mission) if mission else None,
         controller=Path(controller) if controller else None,
         new_controller=Path(new_controller) if new_controller else None,

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from mavlink_io.errors import InputError
 from sysid.data import readers
 from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
@@ -60,8 +61,13 @@ def compare(dives: Mapping[str, Log | str | Path]) -> Comparison:
     Raises
     ------
     CaribouError
-        A log cannot be read.
+        `dives` is no mapping or is empty, or a log cannot be read.
     """
+    if not isinstance(dives, Mapping) or not dives:
+        raise InputError(
+            f"dives = {dives!r}: expected at least one log by its name, such as"
+            ' {"before": "a.mcap", "after": "b.mcap"}'
+        )
     return Comparison(tuple(_errors(name, dive) for name, dive in dives.items()))
 
 

@@ -70,6 +70,16 @@ def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
         lambda: auv.fly(
             "straight_run", tmp_path / "b.mcap", scenario=tmp_path / "latin.toml", faults=[{}]
         ),
+        lambda: auv.fly("straight_run", tmp_path / "b.mcap", faults={"at_s": 60.0}),  # type: ignore[arg-type]
+        lambda: auv.fly("straight_run", tmp_path / "b.mcap", faults=[{"at_s": None}]),  # type: ignore[dict-item]
+        lambda: auv.fly("straight_run", tmp_path / "b.mcap", faults=[{"a\nb": 1.0}]),
+        lambda: auv.fly("straight_run", tmp_path / "b.mcap", parameters={"HDG_P": "0.6"}),  # type: ignore[dict-item]
+        lambda: auv.simulate("straight_run", {"HDG_P": "0.6"}),  # type: ignore[dict-item]
+        lambda: auv.simulate("straight_run", ["HDG_P"]),  # type: ignore[arg-type]
+        lambda: auv.save_parameters({"HDG_P": "0.6"}, tmp_path / "a.param"),  # type: ignore[dict-item]
+        lambda: auv.save_parameters({1: 0.6}, tmp_path / "a.param"),  # type: ignore[dict-item]
+        lambda: auv.compare([]),  # type: ignore[arg-type]
+        lambda: auv.compare({}),
     )
     for case in cases:
         with pytest.raises(auv.CaribouError) as caught:
@@ -117,6 +127,11 @@ def test_faults_are_added_to_a_scenario(tmp_path: Path) -> None:
 def test_text_of_a_fault_is_a_toml_string() -> None:
     text = "".join(map(chr, range(128))) + "\\u0041 \u00e9\U0001f600"
     assert tomllib.loads(flying._fault_table({"unit": text}))["fault"] == [{"unit": text}]
+
+
+def test_number_of_numpy_is_a_toml_number() -> None:
+    table = flying._fault_table({"at_s": np.float64(60.0), "angle_deg": np.float64(5.0)})
+    assert tomllib.loads(table)["fault"] == [{"at_s": 60.0, "angle_deg": 5.0}]
 
 
 def test_options_of_a_dive_replace_those_of_the_marker(
