@@ -304,7 +304,7 @@ def open_recorded_vehicle(
         vehicle = VehicleClient(
             transport, recorder, simulated.check if simulated else None, signature, system
         )
-        stack.callback(_remove_without_dive, vehicle, recorder)
+        stack.callback(_remove_without_dive, vehicle, recorder, simulated)
         stack.callback(recorder.finish)
         vehicle.on_remark = on_remark
         try:
@@ -315,10 +315,14 @@ def open_recorded_vehicle(
             raise
 
 
-def _remove_without_dive(vehicle: VehicleClient, recorder: Recorder) -> None:
+def _remove_without_dive(
+    vehicle: VehicleClient, recorder: Recorder, simulated: SimulatedVehicle | None
+) -> None:
     """Remove the files of a finished recorder if this program has not armed the vehicle."""
     if not (vehicle.arm_requested or vehicle.disarmings):
         recorder.remove()
+        if simulated:
+            simulated.remove_truth()
 
 
 def _raise_process_error(simulated: SimulatedVehicle) -> None:

@@ -72,7 +72,7 @@ class SimulatedVehicle:
         start: ProcessFactory = SpawnedProcess,
         notify: Callable[[str], None] | None = None,
     ) -> None:
-        self._notify = notify
+        self._notify, self._truth = notify, simulation.truth
         hil, ground = free_port(), free_port(socket.SOCK_STREAM)
         self._ports: tuple[int, ...] = (hil, ground)
         self.address = f"tcp:127.0.0.1:{ground}"
@@ -146,6 +146,11 @@ class SimulatedVehicle:
         if self._notify is not None and (line := self._sitl.last_line()).startswith(_COMPILES):
             self._notify(line)
             self._notify = None
+
+    def remove_truth(self) -> None:
+        """Remove the log of the true state; what is recorded later is lost."""
+        if self._truth is not None:
+            self._truth.unlink(missing_ok=True)
 
     def stop(self) -> None:
         """Stop both processes and wait for their end."""
