@@ -1,12 +1,13 @@
 /* The equations of motion of sitl/vehicle in C, term by term in the order of the Python kernels, for comparison of run
    times by benchmarks/speed/physics.py. The structures have the layout of the NamedTuples of sitl/vehicle/{model,water}.py;
-   arrays are pointer and count. benchmarks/speed/physics.py first checks that both give the same states to rounding. */
+   arrays are pointer and count. benchmarks/speed/physics.py first checks that both have the same sizes and give the same
+   states to rounding. */
 
 #include <math.h>
 
 typedef struct { const double *at; long count; } Array;
 typedef struct { double mass; Array M_RB, M_A, M, M_inverse; } Inertia;
-typedef struct { Array x, radius, drag, share, lever; } Stations;
+typedef struct { Array x, radius, drag, share, lever; double uncoupled; } Stations;
 typedef struct { double X_uu, Y_uv, Y_ur, N_uv, N_ur, Z_uw, Z_uq, M_uw, M_uq, Y_uudr, N_uudr, Z_uude, M_uude, K_p, K_pp; } Hull;
 typedef struct { double slope, quadratic, drag_zero_lift, induced, stall, separated, separated_normal; } Polar;
 typedef struct { double x, radius, half_rho_area, vectored; Polar polar; } Duct;
@@ -16,6 +17,8 @@ typedef struct { double weight, buoyancy, x_cm, y_cm, z_cm, x_cb, z_cb, g, half_
 typedef struct { double far, far_nearness, steps_per_nearness; Array pull, moment; } Walls;
 typedef struct { Inertia inertia; Stations stations; Hull hull; Duct duct; Fins fins; Propeller propeller; Hydrostatics hydrostatics; Walls walls; } Model;
 typedef struct { double velocity[3], acceleration[3], slope[3], slope_rate[3], density_ratio, surface, surface_slope, ceiling, floor, floor_normal[3]; } Water;
+
+const long sizes[2] = {sizeof(Model), sizeof(Water)};
 
 static void add(double *total, double X, double Y, double Z, double K, double M, double N)
 {
@@ -68,7 +71,15 @@ static void crossflow(double v, double w, double q, double r, const Stations *s,
         double drag = s->drag.at[i] * sqrt(vx * vx + wx * wx);
         Y -= drag * vx; Z -= drag * wx; M += x * (drag * wx); N -= x * (drag * vx);
     }
-    add(f, 0.0, Y, Z, 0.0, M, N);
+    double e = s->uncoupled;
+    if (e == 0.0) { add(f, 0.0, Y, Z, 0.0, M, N); return; }
+    double drift = sqrt(v * v + w * w), rotation = sqrt(q * q + r * r), Ye = 0.0, Ze = 0.0, Me = 0.0, Ne = 0.0;
+    for (long i = 0; i < s->x.count; i++) {
+        double x = s->x.at[i], drag = s->drag.at[i];
+        double Yx = -drag * (drift * v + fabs(x) * rotation * x * r), Zx = -drag * (drift * w - fabs(x) * rotation * x * q);
+        Ye += Yx; Ze += Zx; Me -= x * Zx; Ne += x * Yx;
+    }
+    add(f, 0.0, (1.0 - e) * Y + e * Ye, (1.0 - e) * Z + e * Ze, 0.0, (1.0 - e) * M + e * Me, (1.0 - e) * N + e * Ne);
 }
 
 static void lift_and_drag(double u, double v, double w, double p, double q, double r, const Hull *h, double *f)

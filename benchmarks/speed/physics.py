@@ -48,6 +48,8 @@ SHALLOW = Water(
 VEHICLE = "caribou_truth"
 """Vehicle of the timing; the states of all are compared."""
 VEHICLES = (VEHICLE, "caribou_nominal", "remus100", "xfin_auv")
+UNCOUPLED = (0.0, 0.3)
+"""Shares of crossflow drag in which drift does not damp rotation."""
 DEEP_M = -500.0
 SAME = 1e-9
 """Largest difference of states: compilers round differently, and contact with ice is stiff."""
@@ -108,11 +110,17 @@ def start(z_up_m: float) -> Vector:
     return state
 
 
+def model_of(vehicle: str, uncoupled: float = 0.0) -> VehicleModel:
+    """Return the model of a vehicle, with a share of uncoupled crossflow drag."""
+    model = build_model.build(config.load(vehicle))
+    return model._replace(stations=model.stations._replace(uncoupled=uncoupled))
+
+
 def in_numba(
-    vehicle: str, water: Water, z_up_m: float, step_s: float = STEP_S
+    model: VehicleModel, water: Water, z_up_m: float, step_s: float = STEP_S
 ) -> Callable[[int], Vector]:
     """Return a function that runs the compiled Python model and returns the final state."""
-    model, push, work = build_model.build(config.load(vehicle)), np.zeros(6), dynamics.work_array()
+    push, work = np.zeros(6), dynamics.work_array()
     shaft_rps = 0.58 * model.propeller.full_rps
 
     def run(steps: int) -> Vector:
@@ -138,13 +146,24 @@ def compiled(flags: tuple[str, ...], folder: Path) -> Path:
     return library
 
 
-def in_c(library: Path, vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
-    """Return a function that runs the C model and returns the final state."""
-    entry = ctypes.CDLL(str(library)).fly
+def in_c(
+    library: Path, model: VehicleModel, water: Water, z_up_m: float
+) -> Callable[[int], Vector]:
+    """Return a function that runs the C model and returns the final state.
+
+    Raises OperationError if the structures of the library have other sizes.
+    """
+    functions = ctypes.CDLL(str(library))
+    entry = functions.fly
     entry.restype = None
-    model = build_model.build(config.load(vehicle))
     shaft_rps, push = 0.58 * model.propeller.full_rps, np.zeros(6)
     c_model, c_water, double = mirrored(model), mirrored(water), ctypes.c_double
+    sizes = [ctypes.sizeof(c_model), ctypes.sizeof(c_water)]
+    if sizes != list((ctypes.c_long * 2).in_dll(functions, "sizes")):
+        raise OperationError(
+            "physics-step: the structures of physics.c are not those of sitl/vehicle/model.py and"
+            " water.py"
+        )
 
     def run(steps: int) -> Vector:
         """Return the state after some steps."""
@@ -197,8 +216,9 @@ def microseconds(run: Callable[[int], Vector], steps: int) -> float:
 def max_difference(libraries: Iterable[Path]) -> float:
     """Return the largest difference of states between Python and C, in deep and shallow water."""
     runs = [
-        (name, water, z_up_m)
+        (model_of(name, uncoupled), water, z_up_m)
         for name in VEHICLES
+        for uncoupled in UNCOUPLED
         for water, z_up_m in ((STILL, DEEP_M), (SHALLOW, -0.4))
     ]
     return max(
@@ -214,7 +234,7 @@ def kernel_cpu_s(vehicle_s: float, step_s: float) -> float:
 
     The shortest of several rounds of the compiled loop counts.
     """
-    run = in_numba(VEHICLE, STILL, DEEP_M, step_s)
+    run = in_numba(model_of(VEHICLE), STILL, DEEP_M, step_s)
     run(1)
     return vehicle_s / step_s * min(microseconds(run, STEPS) for _ in range(10)) / 1e6
 
@@ -249,7 +269,7 @@ def _contestants(
     libraries: dict[str, Path], peer: Path | None
 ) -> dict[str, tuple[Callable[[int], Vector], int]]:
     """Return each program with the number of steps of a round."""
-    deep = VEHICLE, STILL, DEEP_M
+    deep = model_of(VEHICLE), STILL, DEEP_M
     contestants = {CARIBOU: (in_numba(*deep), STEPS)}
     contestants |= {name: (in_c(library, *deep), STEPS) for name, library in libraries.items()}
     return contestants | ({PVS: (of_peer(peer), PEER_STEPS)} if peer else {})
