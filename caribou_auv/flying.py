@@ -115,6 +115,9 @@ def fly(
     log_file = new_file(Path(log))
     dive = Dive.load(str(mission), log_file, parameters=checked(parameters))
     if connect is not None:
+        for name, value in (("faults", faults), ("truth", truth), ("autopilot", autopilot)):
+            if value:
+                raise InputError(f"{name} = {value!r}: is for a simulated vehicle, without connect")
         return _flight(flight.fly(dive, connect))
     if not autopilot:
         prototype.check_flown(str(vehicle))

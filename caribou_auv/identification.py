@@ -51,7 +51,7 @@ def identify(
 
 
 def design(
-    model: IdentifiedModel,
+    model: IdentifiedModel | str | Path,
     spec: Spec | None = None,
     *,
     prior: str | Path | None = None,
@@ -61,8 +61,8 @@ def design(
 
     Parameters
     ----------
-    model : IdentifiedModel
-        The model.
+    model : IdentifiedModel, str or Path
+        The model, or its ``model.json``.
     spec : Spec, optional
         Limits that the gains must meet; the default ones without it.
     prior : str or Path, optional
@@ -79,9 +79,9 @@ def design(
     Raises
     ------
     CaribouError
-        The model is not fit for redesign, or no gains meet the limits.
+        The model cannot be read or is not fit for redesign, or no gains meet the limits.
     """
-    return refit.redesign(model, spec, str(prior) if prior else None, force=force)
+    return refit.redesign(model_of(model), spec, str(prior) if prior else None, force=force)
 
 
 def load_model(path: str | Path) -> IdentifiedModel:
@@ -105,6 +105,31 @@ def load_model(path: str | Path) -> IdentifiedModel:
     return refit.read_model(Path(path))
 
 
+def model_of(model: IdentifiedModel | str | Path) -> IdentifiedModel:
+    """Return a model, or that in a file.
+
+    Parameters
+    ----------
+    model : IdentifiedModel, str or Path
+        The model, or its ``model.json``.
+
+    Returns
+    -------
+    IdentifiedModel
+        The model.
+
+    Raises
+    ------
+    CaribouError
+        The file is missing or is no model of this version, or the argument is neither.
+    """
+    if isinstance(model, str | Path):
+        return load_model(model)
+    if not isinstance(model, IdentifiedModel):
+        raise InputError(f"model = {model!r}: expected a model, or the path of a model.json")
+    return model
+
+
 def save_model(model: IdentifiedModel, path: str | Path) -> None:
     """Save a model as ``model.json``.
 
@@ -114,5 +139,12 @@ def save_model(model: IdentifiedModel, path: str | Path) -> None:
         The model.
     path : str or Path
         File to write; an existing one is overwritten.
+
+    Raises
+    ------
+    CaribouError
+        ``model`` is no model.
     """
+    if not isinstance(model, IdentifiedModel):
+        raise InputError(f"model = {model!r}: expected a model, such as `identify` returns")
     refit.write_model(model, Path(path))

@@ -1,5 +1,6 @@
 """Parameter files of the autopilot."""
 
+import math
 from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
@@ -42,7 +43,7 @@ def save_parameters(parameters: Mapping[str, float], path: str | Path) -> None:
     Raises
     ------
     CaribouError
-        A value is no number, or the file cannot be written.
+        A value is no finite number, or the file cannot be written.
     """
     param_file.save(Path(path), checked(parameters))
 
@@ -63,7 +64,7 @@ def checked(parameters: Mapping[str, float] | None) -> dict[str, float]:
     Raises
     ------
     InputError
-        `parameters` is no mapping, or a value is no number.
+        `parameters` is no mapping, or a value is no finite number.
     """
     if not isinstance(parameters, Mapping | None):
         raise InputError(
@@ -72,6 +73,6 @@ def checked(parameters: Mapping[str, float] | None) -> dict[str, float]:
     for name, value in (parameters or {}).items():
         if not isinstance(name, str):
             raise InputError(f"parameter {name!r}: expected the name of a parameter as text")
-        if not isinstance(value, Real):
-            raise InputError(f"parameter {name} = {value!r}: expected a number")
+        if not isinstance(value, Real) or not math.isfinite(value):
+            raise InputError(f"parameter {name} = {value!r}: expected a finite number")
     return dict(parameters or {})

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from autopilot.control import params
+from caribou_auv.identification import model_of
 from caribou_auv.parameters import checked
 from ground.campaign import refit
 from ground.log_tools.replay import ReplayRequest, replay_log
@@ -24,7 +25,7 @@ def simulate(
     mission: str | Path,
     parameters: Mapping[str, float] | None = None,
     *,
-    model: IdentifiedModel | None = None,
+    model: IdentifiedModel | str | Path | None = None,
     vehicle: str | Path | None = None,
     sea: Sea | None = None,
     seed: int = 1,
@@ -38,8 +39,8 @@ def simulate(
     parameters : mapping, optional
         Parameters of the autopilot by name; others have their defaults. Trims that are not given
         are those that a trim flight would find.
-    model : IdentifiedModel, optional
-        The vehicle and its disturbance.
+    model : IdentifiedModel, str or Path, optional
+        The vehicle and its disturbance: a model, or its ``model.json``.
     vehicle : str or Path, optional
         Name or path of a vehicle file: the vehicle without a model, or the prior of a model in
         place of the one in it. The default is ``caribou_nominal``.
@@ -70,7 +71,7 @@ def replay(
     log: str | Path,
     parameters: Mapping[str, float],
     *,
-    model: IdentifiedModel | None = None,
+    model: IdentifiedModel | str | Path | None = None,
     vehicle: str | Path | None = None,
     mission: str | Path | None = None,
     controller: str | Path | None = None,
@@ -84,7 +85,7 @@ def replay(
         Log of the dive.
     parameters : mapping
         Parameters that replace recorded ones.
-    model : IdentifiedModel, optional
+    model : IdentifiedModel, str or Path, optional
         As for `simulate`.
     vehicle : str or Path, optional
         As for `simulate`.
@@ -116,10 +117,11 @@ def replay(
     return replay_log(request, prior)
 
 
-def _prior(model: IdentifiedModel | None, vehicle: str | Path | None) -> DesignPrior:
+def _prior(model: IdentifiedModel | str | Path | None, vehicle: str | Path | None) -> DesignPrior:
     """Return the vehicle and its disturbance."""
     if model is None:
         name = str(vehicle or DEFAULT_VEHICLE)
         return design_priors.from_file(refit.read_vehicle(name), name)
     given = refit.read_vehicle(str(vehicle)) if vehicle else None
-    return design_priors.from_model(model, prediction.prior_vehicle(model, given))
+    identified = model_of(model)
+    return design_priors.from_model(identified, prediction.prior_vehicle(identified, given))

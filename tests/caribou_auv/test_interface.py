@@ -1,5 +1,6 @@
 """The Python interface without processes."""
 
+import math
 import subprocess
 import sys
 import tomllib
@@ -78,6 +79,12 @@ def test_errors_of_input_are_one_line(tmp_path: Path) -> None:
         lambda: auv.simulate("straight_run", ["HDG_P"]),  # type: ignore[arg-type]
         lambda: auv.save_parameters({"HDG_P": "0.6"}, tmp_path / "a.param"),  # type: ignore[dict-item]
         lambda: auv.save_parameters({1: 0.6}, tmp_path / "a.param"),  # type: ignore[dict-item]
+        lambda: auv.save_parameters({"HDG_P": math.nan}, tmp_path / "a.param"),
+        lambda: auv.save_model("model.json", tmp_path / "b.json"),  # type: ignore[arg-type]
+        lambda: auv.design(tmp_path / "none.json"),
+        lambda: auv.design({"model": 1}),  # type: ignore[arg-type]
+        lambda: auv.simulate("straight_run", model="none.json"),
+        lambda: auv.fly("straight_run", tmp_path / "b.mcap", connect="udpin:[::1]:1", faults=[{}]),
         lambda: auv.compare([]),  # type: ignore[arg-type]
         lambda: auv.compare({}),
     )
