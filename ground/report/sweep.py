@@ -209,7 +209,7 @@ def format_text(report: SweepReport, folder: Path) -> Rendered:
     worst = [literal(_format_worst(row)) for row in report.worst[:N_WORST_TEXT]]
     text = render(
         [
-            heading(_title(report)),
+            heading(f"{report.description['plan']}: {_size(report)}"),
             probabilities,
             heading("which input matters: share of the variance of the ranks"),
             *lines,
@@ -221,12 +221,12 @@ def format_text(report: SweepReport, folder: Path) -> Rendered:
     return Rendered("\n".join(line.rstrip() for line in text.split("\n") if line.strip()))
 
 
-def _title(report: SweepReport) -> str:
+def _size(report: SweepReport) -> str:
     """Return how many dives of the sweep are evaluated."""
     planned, done = report.description["dives"], len(report.table)
-    return f"{report.description['plan']}: {done} dives" + (
-        "" if done == planned else f" of {planned}; the sweep is not finished"
-    )
+    if done == planned:
+        return f"{done} dives"
+    return f"{done} dives of {planned}; the sweep is not finished"
 
 
 def _shown_inputs(report: SweepReport) -> list[str]:
@@ -272,7 +272,7 @@ def _page(report: SweepReport) -> str:
     figures = _figures(report.table)
     parts_of_page = {
         "title": escape(f"Sweep {report.description['plan']}"),
-        "lead": escape(_title(report)),
+        "lead": escape(_size(report)),
         "criterion": escape(_criterion(report.description["limits"])),
         "cells": _cells_table(report),
         "distributions": "".join(_distribution(report, figure) for figure in figures),

@@ -290,7 +290,7 @@ def _trim_warnings(config: VehicleConfig, h: Hydrostatics, elevator_deg: float) 
     if abs(pitch_deg := _float_pitch_deg(h)) > MAX_FLOAT_ANGLE_DEG:
         warnings.append(
             f"floats at pitch {pitch_deg:+.0f} deg: ballast.x_cm_m = {h.x_cm_m:.4g}: expected near"
-            f" ballast.x_cb_m = {h.x_cb_m:.4g}"
+            f" ballast.x_cb_m = {round(h.x_cb_m, 5) + 0.0:g}"
         )
     if abs(heel_deg := _float_heel_deg(h)) > MAX_FLOAT_ANGLE_DEG:
         warnings.append(

@@ -142,6 +142,7 @@ def test_report_writes_page_and_csv(folder: Path) -> None:
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     for expected in ("Pass probability", "Worst dives", "--dive 7", 'id="sweep-heading_deg"'):
         assert expected in page
+    assert '<p class="lead">12 dives</p>' in page, "the heading above it has the name of the plan"
     assert "$" not in page.split("<script", maxsplit=1)[0], "every place is filled"
     as_json, _ = sweep("report", folder / "out", "--json")
     assert json.loads(as_json)["cells"][0]["passed"] == 6
