@@ -13,6 +13,9 @@ GROUND_STATION, NO_AUTOPILOT = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT
 MAX_READS = 64
 """Maximum number of reads (a datagram or 64 kB each) in one call, so that a fast link cannot block
 the caller."""
+MAX_FRAMES = 5000
+"""Number of frames after which one call reads no more. The system keeps megabytes of a stream; to
+record them takes seconds in a program that records several vehicles."""
 
 
 class Arrived(NamedTuple):
@@ -29,7 +32,7 @@ def receive_all(endpoint: Endpoint) -> Arrived:
     Returns
     -------
     Arrived
-        The frames of at most `MAX_READS` reads, in order.
+        The frames of at most `MAX_READS` reads, in order; about `MAX_FRAMES` at most.
 
     Raises
     ------
@@ -38,6 +41,8 @@ def receive_all(endpoint: Endpoint) -> Arrived:
     """
     frames: list[Frame] = []
     for _ in range(MAX_READS):
+        if len(frames) >= MAX_FRAMES:
+            break
         if not wait([endpoint.transport], 0.0):
             return Arrived(frames, True)
         try:
@@ -45,7 +50,7 @@ def receive_all(endpoint: Endpoint) -> Arrived:
         except LinkLostError:
             if not frames:
                 raise
-            return Arrived(frames, False)
+            break
     return Arrived(frames, False)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
+from ground.client.connection_diagnosis import MAX_FRAMES, receive_all
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.signing import Signing, Timestamp, key_from_passphrase
@@ -114,3 +115,18 @@ def test_request_without_key_on_a_signed_link_names_sign() -> None:
         exchange._retry_s = 0.1
         with pytest.raises(VehicleClientError, match=r"no answer .*give the key of .* by --sign"):
             client._run(exchange)
+
+
+def test_backlog_is_read_in_parts_that_do_not_block_the_caller() -> None:
+    """Eight vehicles in lockstep reported once in seconds: a read took megabytes of a stream."""
+    heartbeat = bytes.fromhex("fe0900010100000000000c0300030377a1")
+    with (
+        closing(open_transport("memory:backlog")) as near,
+        closing(open_transport("memory:backlog")) as far,
+    ):
+        for _ in range(12):
+            far.send(heartbeat * 500)
+        endpoint = Endpoint(near, 255, 190)
+        first, rest = receive_all(endpoint), receive_all(endpoint)
+    assert (len(first.frames), first.is_all) == (MAX_FRAMES, False)
+    assert (len(rest.frames), rest.is_all) == (6000 - MAX_FRAMES, True)
