@@ -38,6 +38,9 @@ class AngleRateMismatch(NamedTuple):
     """Range of the angle."""
     ratio: float
     """Change of the angle over that of the integrated rate; 1 if both are right."""
+    weight_rad2: float
+    """Sum of squares of the integrated rate about a straight line; ratios of runs have this weight
+    in their mean."""
 
 
 class DepthPitchMismatch(NamedTuple):
@@ -107,6 +110,7 @@ def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMi
         bias_radps=line.slope,
         excursion_rad=float(np.ptp(angle_rad)),
         ratio=float(integral_rest @ angle_rad) / power if power > 0.0 else math.nan,
+        weight_rad2=power,
     )
 
 

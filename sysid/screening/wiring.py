@@ -1,7 +1,8 @@
-"""Refusal of logs whose surfaces and planes do not belong together, by their control effects.
+"""Refusal of logs whose surfaces and planes, or angles and rates, do not belong together.
 
-Each log is tested by itself, because outputs are assigned once per dive. Runs whose angles, rates
-and depth contradict each other are left out: their own screening rule names that cause.
+Each log is tested by itself, because outputs and sensors are set up once per dive. The control
+effects leave out runs whose angles, rates and depth contradict each other: their own screening rule
+names that cause.
 """
 
 import math
@@ -11,7 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.data import kinematics
 from sysid.data.dataset import Log
+from sysid.data.kinematics import AngleRateMismatch
 from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
 from sysid.screening import preroll, rules
@@ -42,6 +45,10 @@ A vehicle that turns on and on has lost its speed, and responds little to its su
 """
 MAX_UNIT_RATIO_ERROR = 2.0
 """Largest factor between the ratio of two effects and 57.3 at which a unit is named as cause."""
+MAX_SCALE_ERROR, SCALE_SIGNIFICANCE, MIN_SCALED_RUNS = 0.1, 6.0, 3
+"""Relative error of a rate's scale, and its significance, from which on a log is refused, and the
+least number of runs that show it. A compass whose deviation changes by 5 deg in a turn of 90 deg
+has 6 %; a model that is fitted to angles and rates which differ by 20 % is none."""
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
 
@@ -68,6 +75,7 @@ def refusal(logs: Sequence[LogOfRuns]) -> str:
     """
     return (
         next(filter(None, map(_miswired, logs)), "")
+        or next(filter(None, map(_wrong_scale, logs)), "")
         or _different_hardware(logs)
         or _different_effects(logs)
     )
@@ -151,6 +159,34 @@ def _reversed_reason(name: str, plane: Plane, own: ControlEffect) -> str:
         f" ({own.value:+.2g} +- {own.sd:.1g} 1/s2); give the {surface}'s output with a"
         " minus in --servo-channels, or its sensor the right sign"
     )
+
+
+def _wrong_scale(log: LogOfRuns) -> str:
+    """Return the reason if an angle changes by more or less than its integrated rate."""
+    for names, mismatch in (
+        (("heading", "yaw rate"), kinematics.heading_mismatch),
+        (("pitch", "pitch rate"), kinematics.pitch_mismatch),
+    ):
+        found = [m for run in log.runs if (m := mismatch(run)) and m.weight_rad2 > 0.0]
+        if len(found) < MIN_SCALED_RUNS:
+            continue
+        ratio, sd = _mean_ratio(found)
+        if abs(ratio - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGNIFICANCE * sd):
+            return (
+                f"{log.log.name}: the {names[0]} changes by {ratio:.2f} +- {sd:.2f} times the"
+                f" integral of the {names[1]}, allowed {1.0 - MAX_SCALE_ERROR:g} to"
+                f" {1.0 + MAX_SCALE_ERROR:g}: one of them has a wrong scale, or is filtered"
+            )
+    return ""
+
+
+def _mean_ratio(mismatches: Sequence[AngleRateMismatch]) -> tuple[float, float]:
+    """Return the weighted mean of the ratios and its standard deviation by the jackknife."""
+    weights = np.array([m.weight_rad2 for m in mismatches])
+    products = weights * [m.ratio for m in mismatches]
+    without_one = (products.sum() - products) / (weights.sum() - weights)
+    sd = math.sqrt((weights.size - 1) * float(np.var(without_one)))
+    return float(products.sum() / weights.sum()), sd
 
 
 def _different_hardware(logs: Sequence[LogOfRuns]) -> str:

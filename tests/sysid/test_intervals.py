@@ -12,7 +12,7 @@ from sysid.estimation.map import fit, intervals
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.gauss_newton import Z_LIMIT
-from sysid.estimation.map.problem import Prior
+from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import delta_method, parameters
 from sysid.models.parameters import NAMES
 from sysid.planes import Plane
@@ -95,7 +95,32 @@ def test_step_to_an_impossible_vehicle_ends_before_it() -> None:
     z = np.array([4.0 if name == "z_CM" else 0.0 for name in NAMES])
     with pytest.raises(config.VehicleFileError):
         problems.vehicle(prior, z)
-    found = intervals.nearest_possible(prior, np.zeros(z.size), z)
+    problem = MapProblem(prior, {}, {}, {}, 1)
+    found, evaluation = intervals.nearest_possible(problem, np.zeros(z.size), z)
     problems.vehicle(prior, found)
+    assert evaluation is not None
     assert np.max(found) > 0.0
-    np.testing.assert_array_equal(intervals.nearest_possible(prior, z, found), found)
+    again, _ = intervals.nearest_possible(problem, z, found)
+    np.testing.assert_array_equal(again, found)
+
+
+def test_step_to_a_vehicle_that_diverges_ends_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives of such runs overflowed, and the error was said to be one of the tests."""
+    prior = Prior(
+        config.load("remus100"), dict.fromkeys(Plane, 0.0), np.zeros(len(NAMES)), np.eye(len(NAMES))
+    )
+    evaluate = problems.evaluate
+
+    def diverging(problem: MapProblem, z: np.ndarray) -> problems.Evaluation | None:
+        evaluation = evaluate(problem, z)
+        assert evaluation is not None
+        return evaluation._replace(cost=1e200 if np.max(z) > 0.3 else 1.0)
+
+    monkeypatch.setattr(problems, "evaluate", diverging)
+    z = np.zeros(len(NAMES))
+    z[NAMES.index("N_r")] = 1.0
+    problem = MapProblem(prior, {}, {}, {}, 1)
+    found, evaluation = intervals.nearest_possible(problem, np.zeros(z.size), z)
+    assert np.max(found) == 0.25
+    assert evaluation is not None
+    assert evaluation.cost == 1.0

@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from sitl.vehicle.config import VehicleFileError
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit, last_problem
 from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
-from sysid.estimation.map.problem import MapProblem, Prior
+from sysid.estimation.map.problem import Evaluation, MapProblem, Prior
 from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import delta_method, linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
@@ -52,6 +51,8 @@ MAX_SD = 12.0
 """Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
 MAX_HALVINGS = 10
 """Maximum number of halvings of a step that leads to an impossible vehicle."""
+DIVERGED_COST = 1e12
+"""Cost above which simulated runs have diverged; that of a fit is about the number of samples."""
 
 
 class ParameterInterval(NamedTuple):
@@ -114,7 +115,7 @@ def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float
     quantile = float(ndtri(0.5 + 0.5 * LEVEL))
     distance_sd, z = quantile, estimate.z + covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
-        z = nearest_possible(problem.prior, estimate.z, z)
+        z, _ = nearest_possible(problem, estimate.z, z)
         z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
         root_growth = math.sqrt(max(0.0, 2.0 * (problems.cost(problem, z) - least_cost)))
         if (
@@ -141,8 +142,9 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
     """
     precision, lower = np.linalg.inv(problem.prior.covariance), lower_bounds(problem.prior)
     z = np.clip(start, lower, Z_LIMIT)
+    evaluation: Evaluation | None = None
     for _ in range(STEPS):
-        current, gradient = problems.score(problem, z), delta_method.slopes(number, z)
+        current, gradient = problems.score(problem, z, evaluation), delta_method.slopes(number, z)
         free = np.flatnonzero(is_free(current, z, lower))
         inverse = np.zeros_like(precision)
         block = np.ix_(free, free)
@@ -153,23 +155,24 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
             gradient @ direction
         )
         changed = np.clip(z + np.clip(step, -1.0, 1.0), lower, Z_LIMIT)
-        z = nearest_possible(problem.prior, z, changed)
+        z, evaluation = nearest_possible(problem, z, changed)
     return np.asarray(z)
 
 
-def nearest_possible(prior: Prior, possible: Array, z: Array) -> Array:
+def nearest_possible(
+    problem: MapProblem, possible: Array, z: Array
+) -> tuple[Array, Evaluation | None]:
     """Return z, moved towards the parameters of a possible vehicle until its own is possible.
 
-    An interval that reaches the edge of the possible vehicles ends there.
+    A vehicle whose simulated runs diverge is not possible either. An interval that reaches the edge
+    of the possible vehicles ends there. The runs are those of z; None if z is ``possible``.
     """
     for _ in range(MAX_HALVINGS):
-        try:
-            problems.vehicle(prior, z)
-        except VehicleFileError:
-            z = 0.5 * (possible + z)
-        else:
-            return z
-    return possible
+        evaluation = problems.evaluate(problem, z)
+        if evaluation is not None and evaluation.cost < DIVERGED_COST:
+            return z, evaluation
+        z = 0.5 * (possible + z)
+    return possible, None
 
 
 def _covariance(estimate: Fit, prior: Prior) -> Array:

@@ -72,6 +72,23 @@ def test_reversed_output_names_surface(
         refit.refit(RefitRequest(paths=[sound], outputs=channels))
 
 
+@pytest.mark.parametrize(
+    ("gyro", "reason"),
+    [
+        (1.25, "sound.mcap: the heading changes by 0.80 +- 0.0"),
+        (0.83, "sound.mcap: the heading changes by 1.2"),
+        (1.05, ""),
+    ],
+)
+def test_scale_of_a_gyro_is_named(sound: Path, gyro: float, reason: str) -> None:
+    """A fit to such rates gave unstable vehicles, and an error about the tests."""
+    log = readers.read(sound, OutputOptions(None))
+    runs = [replace(run, r_radps=gyro * run.r_radps) for run in segments.cut_runs(log)]
+    said = wiring.refusal([wiring.LogOfRuns(log, runs)])
+    assert said.startswith(reason)
+    assert bool(said) is bool(reason)
+
+
 def test_swapped_outputs_are_named(sound: Path) -> None:
     channels = ServoChannels(2, 1, 3)
     said = refusal(sound, channels=channels)
