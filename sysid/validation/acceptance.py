@@ -16,6 +16,7 @@ from sysid.data.events import TestWave
 from sysid.estimation.map.convergence import MAX_SHARE_ELSEWHERE, MENDED_BY_TESTS, SearchCosts
 from sysid.models.model_file import IdentifiedModel, PlaneModel
 from sysid.planes import PLANES, Plane
+from sysid.screening.cross_plane import COUPLING
 from sysid.validation.results import (
     AcceptanceCheck,
     Excess,
@@ -77,6 +78,8 @@ WHITENESS_CHECK = "whiteness of held-out innovations, p"
 """Name of the criterion of the innovations."""
 STANDS_OUT = 0.5
 """Largest scatter without a test, over that with it, at which this test is named as the cause."""
+MIN_LEFT_OUT = 8
+"""Number of chirps, all of them left out, after which more are of no use: two dives of four."""
 DEFAULT_SIZE_DEG = 4.0
 """Recommended magnitude if no run of the plane was accepted, deg."""
 
@@ -124,7 +127,8 @@ def _obstacle(
     """Return why no test can make the model fit, and what can; empty otherwise.
 
     No test mends a wrong prior or logs of two vehicles. The error of the model structure does not
-    become smaller with the number of tests: where it alone exceeds a limit, they are of no use.
+    become smaller with the number of tests: where it alone exceeds a limit, they are of no use. Nor
+    are further chirps where the screening leaves all of them out.
     """
     unmended = [
         failure
@@ -139,7 +143,28 @@ def _obstacle(
         part = getattr(error, MODEL_ERROR_OF_CHECK.get(check.name, ""), None)
         if part is not None and part > check.limit:
             return f"{format_check(check)}: {_model_error(model, check, part)}"
+        if check.plane and check.value is None and (cause := _left_out(model, check.plane)):
+            return f"{format_check(check)}: {cause}"
     return ""
+
+
+def _left_out(model: IdentifiedModel, plane: Plane) -> str:
+    """Return why the chirps of a plane are left out, if all of several are; empty otherwise."""
+    chirps = [
+        run for run in model.screening if run.plane == plane and run.wave == WAVE_FOR_DYNAMICS
+    ]
+    if len(chirps) < MIN_LEFT_OUT or any(run.accepted for run in chirps):
+        return ""
+    cause = chirps[-1].reasons[0]
+    remedy = (
+        "a vehicle that heels moves both planes: balance it"
+        if COUPLING in cause
+        else "find its cause"
+    )
+    return (
+        f"all {len(chirps)} chirps of the {PLANES[plane].surface} were left out, the last one for"
+        f" {cause}; {remedy}"
+    )
 
 
 def _model_error(model: IdentifiedModel, check: AcceptanceCheck, part: float) -> str:

@@ -332,6 +332,31 @@ def test_assess_failure_that_tests_mend_is_the_reason_of_the_test(
     assert next_test.reason == "other starts that end elsewhere 100 %, at most 50 %"
 
 
+@pytest.mark.parametrize(
+    ("reason", "remedy"),
+    [
+        ("cross-plane coupling: pitch moved 4.4 deg, at most 3.0", "; a vehicle that heels moves"),
+        ("saturated", "; find its cause"),
+    ],
+)
+def test_assess_chirps_that_are_all_left_out_recommend_no_further_one(
+    reason: str, remedy: str, good_model: IdentifiedModel
+) -> None:
+    """A campaign of a heeling vehicle flew five dives of chirps that the screening left out."""
+    chirp = ScreenedRun(
+        "sweeps/1", Plane.YAW, "chirp", 3.0, 30.0, accepted=False, reasons=(reason,)
+    )
+    unknown = of_yaw(coherence_at_crossover=None)(good_model)
+    first, second = (replace(unknown, screening=(chirp,) * count) for count in (4, 8))
+    assert assess(first, first.validation).next_test is not None
+    assessment = assess(second, second.validation)
+    assert assessment.next_test is None
+    assert assessment.obstacle.startswith(
+        "yaw: coherence about crossover not known, at least 0.6: all 8 chirps of the rudder were"
+        f" left out, the last one for {reason}{remedy}"
+    )
+
+
 def test_assess_next_test_addresses_worst_criterion(good_model: IdentifiedModel) -> None:
     without_coherence = of_yaw(coherence_at_crossover=None)(good_model)
     next_test = assess(without_coherence, without_coherence.validation).next_test
