@@ -26,8 +26,10 @@ MASS_RATIO = (0.5, 2.0)
 BUOYANCY_RATIO = (0.5, 1.25)
 """Range of the buoyancy over that of the hull: parts of a hull may be flooded, and duct, fins and
 masts displace water besides."""
-MAX_FLOAT_ANGLE_DEG = 20.0
-"""Pitch or heel at rest above which there is a warning: ballast is far from its place."""
+MAX_FLOAT_PITCH_DEG, MAX_HEEL_DEG = 20.0, 10.0
+"""Pitch and heel at rest above which there is a warning: ballast is far from its place.
+
+A vehicle that heels moves both planes with either surface, and such tests are left out of a fit."""
 MAX_TRIM_SHARE = 0.4
 """Share of the elevator's travel for level motion above which there is a warning.
 
@@ -287,12 +289,12 @@ def _float_heel_deg(h: Hydrostatics) -> float:
 def _trim_warnings(config: VehicleConfig, h: Hydrostatics, elevator_deg: float) -> list[str]:
     """Return warnings about a vehicle that floats far from level, or is hard to trim."""
     warnings, travel_deg = [], config.tailcone.travel_deg
-    if abs(pitch_deg := _float_pitch_deg(h)) > MAX_FLOAT_ANGLE_DEG:
+    if abs(pitch_deg := _float_pitch_deg(h)) > MAX_FLOAT_PITCH_DEG:
         warnings.append(
             f"floats at pitch {pitch_deg:+.0f} deg: ballast.x_cm_m = {h.x_cm_m:.4g}: expected near"
             f" ballast.x_cb_m = {round(h.x_cb_m, 5) + 0.0:g}"
         )
-    if abs(heel_deg := _float_heel_deg(h)) > MAX_FLOAT_ANGLE_DEG:
+    if abs(heel_deg := _float_heel_deg(h)) > MAX_HEEL_DEG:
         warnings.append(
             f"floats at heel {heel_deg:+.0f} deg: ballast.y_cm_m = {h.y_cm_m:.4g}: expected near 0"
         )

@@ -313,6 +313,7 @@ def test_fin_longer_than_hull_rejected(old: str, new: str, message: str, tmp_pat
             r"floats at pitch -\d+ deg: ballast\.x_cm_m = 0\.01: expected near ballast\.x_cb_m",
         ),
         ("[ballast]\ny_cm_m = -0.01\n", r"floats at heel \+\d+ deg: ballast\.y_cm_m = -0\.01"),
+        ("[ballast]\ny_cm_m = 0.002\n", r"floats at heel -11 deg: ballast\.y_cm_m = 0\.002"),
         ("[ballast]\nnet_buoyancy_n = 38.0\n", r"level motion needs .* of 15 deg of elevator"),
     ],
 )
