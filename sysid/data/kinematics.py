@@ -12,6 +12,7 @@ least one of the three.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ from sysid.signal_processing import fit_line
 
 MAX_PITCH_RAD = math.radians(75.0)
 """Pitch above which heading is not evaluated, because of the singularity at 90 degrees."""
+MIN_FITTED_RUNS = 3
+"""Least number of runs from which ratio and lag of an angle and its rate are estimated."""
 MIN_DEPTH_SENSITIVITY_S = 0.5
 """Minimum range of the integral of -sin(theta) for a comparison of depth and pitch.
 
@@ -38,9 +41,17 @@ class AngleRateMismatch(NamedTuple):
     """Range of the angle."""
     ratio: float
     """Change of the angle over that of the integrated rate; 1 if both are right."""
-    weight_rad2: float
-    """Sum of squares of the integrated rate about a straight line; ratios of runs have this weight
-    in their mean."""
+
+
+class AngleRateFit(NamedTuple):
+    """How an angle follows its integrated rate in several runs; standard deviations by runs."""
+
+    ratio: float
+    """Change of the angle over that of the integrated rate."""
+    ratio_sd: float
+    lag_s: float
+    """Time by which the angle is late; negative if the rate is."""
+    lag_sd_s: float
 
 
 class DepthPitchMismatch(NamedTuple):
@@ -62,16 +73,44 @@ class DepthPitchMismatch(NamedTuple):
 
 def heading_mismatch(run: Run) -> AngleRateMismatch | None:
     """Compare heading with the integrated rates; None if the pitch exceeds MAX_PITCH_RAD."""
-    if np.max(np.abs(run.pitch_rad)) > MAX_PITCH_RAD:
+    if not _has_heading_rate(run):
         return None
-    yaw_rate = run.q_radps * np.sin(run.roll_rad) + run.r_radps * np.cos(run.roll_rad)
-    return _mismatch(run.time_s, run.heading_rad, yaw_rate / np.cos(run.pitch_rad))
+    return _mismatch(run.time_s, run.heading_rad, _heading_rate(run))
 
 
 def pitch_mismatch(run: Run) -> AngleRateMismatch:
     """Compare pitch with the integrated rates."""
-    pitch_rate = run.q_radps * np.cos(run.roll_rad) - run.r_radps * np.sin(run.roll_rad)
-    return _mismatch(run.time_s, run.pitch_rad, pitch_rate)
+    return _mismatch(run.time_s, run.pitch_rad, _pitch_rate(run))
+
+
+def fit_heading(runs: Iterable[Run]) -> AngleRateFit | None:
+    """Compare the headings of several runs with the integrated rates; None if too few turn."""
+    return _fit(
+        _normal_equations(run.time_s, run.heading_rad, _heading_rate(run))
+        for run in runs
+        if _has_heading_rate(run)
+    )
+
+
+def fit_pitch(runs: Iterable[Run]) -> AngleRateFit | None:
+    """Compare the pitch of several runs with the integrated rates; None if too few turn."""
+    return _fit(_normal_equations(run.time_s, run.pitch_rad, _pitch_rate(run)) for run in runs)
+
+
+def _has_heading_rate(run: Run) -> bool:
+    """Return whether the heading is far enough from the singularity throughout a run."""
+    return bool(np.max(np.abs(run.pitch_rad)) <= MAX_PITCH_RAD)
+
+
+def _heading_rate(run: Run) -> Array:
+    """Return the rate of the heading by the measured rates (rad/s)."""
+    yaw_rate = run.q_radps * np.sin(run.roll_rad) + run.r_radps * np.cos(run.roll_rad)
+    return np.asarray(yaw_rate / np.cos(run.pitch_rad))
+
+
+def _pitch_rate(run: Run) -> Array:
+    """Return the rate of the pitch by the measured rates (rad/s)."""
+    return np.asarray(run.q_radps * np.cos(run.roll_rad) - run.r_radps * np.sin(run.roll_rad))
 
 
 def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
@@ -110,8 +149,34 @@ def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMi
         bias_radps=line.slope,
         excursion_rad=float(np.ptp(angle_rad)),
         ratio=float(integral_rest @ angle_rad) / power if power > 0.0 else math.nan,
-        weight_rad2=power,
     )
+
+
+def _normal_equations(time_s: Array, angle_rad: Array, rate_radps: Array) -> Array:
+    """Return X'X and X'y side by side (2, 3), for the ratio and its product with the lag of a run.
+
+    With k the ratio and T the lag, angle = c_0 + c_1 t + k (integral of the rate - T rate).
+    """
+    regressors = np.column_stack(
+        [_without_line(time_s, column) for column in (_integral(rate_radps), -rate_radps)]
+    )
+    target = _without_line(time_s, angle_rad)
+    return np.column_stack([regressors.T @ regressors, regressors.T @ target])
+
+
+def _fit(normal_equations: Iterable[Array]) -> AngleRateFit | None:
+    """Solve the sum of the equations of several runs; the jackknife gives standard deviations."""
+    parts = np.array(list(normal_equations))
+    if len(parts) < MIN_FITTED_RUNS:
+        return None
+    whole = parts.sum(axis=0)
+    sums = np.array([whole, *(whole - parts)])
+    if not np.all(np.linalg.matrix_rank(sums[:, :, :2]) == 2):
+        return None
+    ratio, product = np.linalg.solve(sums[:, :, :2], sums[:, :, 2:])[:, :, 0].T
+    lag_s = product / ratio
+    ratio_sd, lag_sd_s = np.sqrt((len(parts) - 1) * np.var([ratio[1:], lag_s[1:]], axis=1))
+    return AngleRateFit(float(ratio[0]), float(ratio_sd), float(lag_s[0]), float(lag_sd_s))
 
 
 def _without_line(time_s: Array, values: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from sysid.data import kinematics
 from sysid.data.dataset import Log
-from sysid.data.kinematics import AngleRateMismatch
+from sysid.data.kinematics import AngleRateFit
 from sysid.data.runs import Run
 from sysid.planes import PLANES, Plane
 from sysid.screening import preroll, rules
@@ -45,10 +45,13 @@ A vehicle that turns on and on has lost its speed, and responds little to its su
 """
 MAX_UNIT_RATIO_ERROR = 2.0
 """Largest factor between the ratio of two effects and 57.3 at which a unit is named as cause."""
-MAX_SCALE_ERROR, SCALE_SIGNIFICANCE, MIN_SCALED_RUNS = 0.1, 6.0, 3
-"""Relative error of a rate's scale, and its significance, from which on a log is refused, and the
-least number of runs that show it. A compass whose deviation changes by 5 deg in a turn of 90 deg
-has 6 %; a model that is fitted to angles and rates which differ by 20 % is none."""
+MAX_SCALE_ERROR, MAX_LAG_DIFFERENCE_S, SENSOR_SIGNIFICANCE = 0.1, 0.12, 6.0
+"""Relative error of a rate's scale, and difference of the lags of heading and pitch, from which on
+a log is refused, and their significance.
+
+A compass whose deviation changes by 5 deg in a turn of 90 deg has a scale error of 6 %. A fit has
+one lag for both angles; with 0.13 s between them its intervals are too wide for a redesign.
+"""
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
 
@@ -76,6 +79,7 @@ def refusal(logs: Sequence[LogOfRuns]) -> str:
     return (
         next(filter(None, map(_miswired, logs)), "")
         or next(filter(None, map(_wrong_scale, logs)), "")
+        or _different_lags(logs)
         or _different_hardware(logs)
         or _different_effects(logs)
     )
@@ -163,30 +167,47 @@ def _reversed_reason(name: str, plane: Plane, own: ControlEffect) -> str:
 
 def _wrong_scale(log: LogOfRuns) -> str:
     """Return the reason if an angle changes by more or less than its integrated rate."""
-    for names, mismatch in (
-        (("heading", "yaw rate"), kinematics.heading_mismatch),
-        (("pitch", "pitch rate"), kinematics.pitch_mismatch),
-    ):
-        found = [m for run in log.runs if (m := mismatch(run)) and m.weight_rad2 > 0.0]
-        if len(found) < MIN_SCALED_RUNS:
-            continue
-        ratio, sd = _mean_ratio(found)
-        if abs(ratio - 1.0) > max(MAX_SCALE_ERROR, SCALE_SIGNIFICANCE * sd):
+    heading, pitch = _angle_fits(log.runs)
+    for name, fit in (("heading", heading), ("pitch", pitch)):
+        if fit and _is_beyond(fit.ratio - 1.0, fit.ratio_sd, MAX_SCALE_ERROR):
             return (
-                f"{log.log.name}: the {names[0]} changes by {ratio:.2f} +- {sd:.2f} times the"
-                f" integral of the {names[1]}, allowed {1.0 - MAX_SCALE_ERROR:g} to"
-                f" {1.0 + MAX_SCALE_ERROR:g}: one of them has a wrong scale, or is filtered"
+                f"{log.log.name}: the {name} changes by {fit.ratio:.2f} +- {fit.ratio_sd:.2f} times"
+                f" the integral of its rate, allowed {1.0 - MAX_SCALE_ERROR:g} to"
+                f" {1.0 + MAX_SCALE_ERROR:g}: one of them has a wrong scale"
             )
     return ""
 
 
-def _mean_ratio(mismatches: Sequence[AngleRateMismatch]) -> tuple[float, float]:
-    """Return the weighted mean of the ratios and its standard deviation by the jackknife."""
-    weights = np.array([m.weight_rad2 for m in mismatches])
-    products = weights * [m.ratio for m in mismatches]
-    without_one = (products.sum() - products) / (weights.sum() - weights)
-    sd = math.sqrt((weights.size - 1) * float(np.var(without_one)))
-    return float(products.sum() / weights.sum()), sd
+def _different_lags(logs: Sequence[LogOfRuns]) -> str:
+    """Return the reason if heading and pitch follow their rates with different lags."""
+    heading, pitch = _angle_fits([run for log in logs for run in log.runs])
+    if heading is None or pitch is None:
+        return ""
+    sd_s = math.hypot(heading.lag_sd_s, pitch.lag_sd_s)
+    if not _is_beyond(heading.lag_s - pitch.lag_s, sd_s, MAX_LAG_DIFFERENCE_S):
+        return ""
+    return (
+        f"the heading follows its rate {heading.lag_s:+.2f} s late, and the pitch"
+        f" {pitch.lag_s:+.2f} s, at most {MAX_LAG_DIFFERENCE_S:g} s apart: correct the time stamps"
+        " of one of them, or fit the logs of each plane by themselves"
+    )
+
+
+def _angle_fits(runs: Sequence[Run]) -> tuple[AngleRateFit | None, AngleRateFit | None]:
+    """Return how heading and pitch follow their rates, each in the tests of its own plane.
+
+    A run that contradicts itself is left out: its own screening rule names unit or sign.
+    """
+    consistent = [run for run in runs if not rules.attitude_rate_mismatch(run)]
+    return (
+        kinematics.fit_heading(run for run in consistent if run.plane == Plane.YAW),
+        kinematics.fit_pitch(run for run in consistent if run.plane == Plane.PITCH),
+    )
+
+
+def _is_beyond(difference: float, sd: float, limit: float) -> bool:
+    """Return whether a difference is surely above a limit."""
+    return abs(difference) > max(limit, SENSOR_SIGNIFICANCE * sd)
 
 
 def _different_hardware(logs: Sequence[LogOfRuns]) -> str:

@@ -75,7 +75,7 @@ def test_reversed_output_names_surface(
 @pytest.mark.parametrize(
     ("gyro", "reason"),
     [
-        (1.25, "sound.mcap: the heading changes by 0.80 +- 0.0"),
+        (1.18, "sound.mcap: the heading changes by 0.85 +- 0.0"),
         (0.83, "sound.mcap: the heading changes by 1.2"),
         (1.05, ""),
     ],
@@ -84,9 +84,24 @@ def test_scale_of_a_gyro_is_named(sound: Path, gyro: float, reason: str) -> None
     """A fit to such rates gave unstable vehicles, and an error about the tests."""
     log = readers.read(sound, OutputOptions(None))
     runs = [replace(run, r_radps=gyro * run.r_radps) for run in segments.cut_runs(log)]
-    said = wiring.refusal([wiring.LogOfRuns(log, runs)])
+    said = wiring.refusal([wiring.LogOfRuns(log, runs * 2)])
     assert said.startswith(reason)
     assert bool(said) is bool(reason)
+
+
+@pytest.mark.parametrize("late_s", [0.2, 0.04])
+def test_lag_of_one_angle_alone_is_named(sound: Path, late_s: float) -> None:
+    """A fit gave "z_CM at a bound: the prior is wrong" for a compass that was 0.2 s late."""
+    log = readers.read(sound, OutputOptions(None))
+    runs = [
+        replace(run, heading_rad=np.interp(run.time_s - late_s, run.time_s, run.heading_rad))
+        for run in segments.cut_runs(log)
+    ]
+    said = wiring.refusal([wiring.LogOfRuns(log, runs)] * 2)
+    assert said.startswith("the heading follows its rate +0.20 s") is (late_s > 0.1)
+    assert bool(said) is (late_s > 0.1)
+    yaw = [run for run in runs if run.plane is Plane.YAW]
+    assert wiring.refusal([wiring.LogOfRuns(log, yaw)] * 2) == "", "one lag is estimated"
 
 
 def test_swapped_outputs_are_named(sound: Path) -> None:
