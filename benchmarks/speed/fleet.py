@@ -117,10 +117,12 @@ def fly_window(count: int, speed: str) -> Window:
     if len(began) < count:
         raise OperationError(f"{count} vehicles were not under way within {BEGIN_S:g} s")
     # A vehicle that reports nothing in the window makes no progress there.
-    speeds = (
+    total = sum(
         (v - u) / (t - s) if t > s else 0.0 for (s, u), (t, v) in zip(began, ended, strict=True)
     )
-    return Window(sum(speeds), cpu_s / wall_s)
+    if not total:
+        raise OperationError(f"none of {count} vehicles reported within {WINDOW_S:g} s")
+    return Window(total, cpu_s / wall_s)
 
 
 def _cpu_s() -> float:
