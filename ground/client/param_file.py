@@ -15,6 +15,9 @@ from mavlink_io.text_files import read_text
 from mavlink_io.user_data_dir import write_output
 from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode, header_of
 
+MAX_SHOWN = 60
+"""Number of characters of a wrong line in an error message."""
+
 
 class ParamLine(NamedTuple):
     """Value and comment of one parameter in a file."""
@@ -62,13 +65,19 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
         parsed = _parse(text)
         if parsed is None:
             raise InputError(
-                f"{path}: line {number}: {line.strip()!r} is no parameter; expected NAME,VALUE"
+                f"{path}: line {number}: {_beginning(line)!r} is no parameter; expected NAME,VALUE"
             )
         name, value = parsed
         if name in parameters:
             raise InputError(f"{path}: line {number}: {name} is given twice; keep one line")
         parameters[name] = ParamLine(value, comment.strip())
     return parameters
+
+
+def _beginning(line: str) -> str:
+    """Return a line, cut off where it is too long for an error message."""
+    text = line.strip()
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
 
 
 def read_baseline(path: Path) -> PerformanceBaseline | None:

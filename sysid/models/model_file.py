@@ -429,9 +429,10 @@ def read(path: str | Path) -> IdentifiedModel:
     try:
         text = read_limited(Path(path), MAX_TEXT_BYTES)
         file_format = format_of(text)
-        if file_format == 0:
+        missing = "format" if file_format == 0 else "planes"
+        if f'"{missing}"'.encode() not in text:
             raise ModelError(
-                f"{path}: not a model file (no 'format' key); pass the model.json written by"
+                f"{path}: not a model file (no '{missing}' key); pass the model.json written by"
                 " `ground refit`"
             )
         if file_format != FORMAT:

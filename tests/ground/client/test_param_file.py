@@ -32,6 +32,15 @@ def test_load_invalid_line_is_named(line: str, tmp_path: Path) -> None:
         param_file.load(path)
 
 
+def test_load_long_line_is_cut_off(tmp_path: Path) -> None:
+    """The file of an LQG controller is one line of 10,000 characters."""
+    path = tmp_path / "controller.json"
+    path.write_text('{"rows": [' + "0.5, " * 2000)
+    with pytest.raises(InputError, match=r"is no parameter; expected NAME,VALUE") as caught:
+        param_file.load(path)
+    assert len(str(caught.value)) < 150 + len(str(path))
+
+
 def test_load_parameter_given_twice_is_named(tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text("HDG_P,1\nHDG_D,1\nHDG_P,2\n")

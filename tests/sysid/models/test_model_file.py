@@ -126,12 +126,13 @@ def test_impossible_vehicle_file_in_a_model_is_refused(
     ("text", "said"),
     [
         (
-            '{"format": 2, "method": "map", "verdict": null}',
+            '{"format": 2, "method": "map", "planes": {}, "verdict": null}',
             "format = 2; this version reads format 5: refit the logs",
         ),
-        ('{"format": 99}', "format = 99"),
+        ('{"format": 99, "planes": {}}', "format = 99"),
         ("{}", "no 'format' key"),
-        ('{"format": 5}', "missing required field"),
+        ('{"format": 1, "tick_s": 0.02, "heading": {}}', "not a model file .no 'planes' key."),
+        ('{"format": 5, "planes": {}}', "missing required field"),
         ("not json", "malformed"),
     ],
 )
