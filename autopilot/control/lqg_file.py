@@ -69,7 +69,10 @@ def parse(text: str) -> LqgControllers:
         ) from None
     document = _parse_object(decoded, "the file")
     if document.get("format") != FORMAT:
-        raise LqgFileError(f"format = {document.get('format')}: expected {FORMAT}")
+        raise LqgFileError(
+            f"format = {document.get('format')}: expected {FORMAT}; use a file written by `ground"
+            " redesign --method lqg`"
+        )
     if document.get("tick_s") != TICK_S:
         raise LqgFileError(
             f"tick_s = {document.get('tick_s')}: expected {TICK_S}, the time step of the loops"
