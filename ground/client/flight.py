@@ -64,7 +64,7 @@ class FlightProgress(NamedTuple):
     warning: str = ""
     """What the user should look at; empty without any trouble."""
     place: str = ""
-    """The step of the mission file, such as `step 2 of 3`; empty without a file."""
+    """Place of the item in the mission file, such as `step 2 of 3`; empty without such a file."""
 
 
 @dataclass(frozen=True)

@@ -290,9 +290,10 @@ def _trim_warnings(config: VehicleConfig, h: Hydrostatics, elevator_deg: float) 
     """Return warnings about a vehicle that floats far from level, or is hard to trim."""
     warnings, travel_deg = [], config.tailcone.travel_deg
     if abs(pitch_deg := _float_pitch_deg(h)) > MAX_FLOAT_PITCH_DEG:
+        x_cb_m = round(h.x_cb_m, 5) + 0.0  # the sum turns -0 into 0
         warnings.append(
             f"floats at pitch {pitch_deg:+.0f} deg: ballast.x_cm_m = {h.x_cm_m:.4g}: expected near"
-            f" ballast.x_cb_m = {round(h.x_cb_m, 5) + 0.0:g}"
+            f" ballast.x_cb_m = {x_cb_m:g}"
         )
     if abs(heel_deg := _float_heel_deg(h)) > MAX_HEEL_DEG:
         warnings.append(

@@ -44,13 +44,16 @@ class AngleRateMismatch(NamedTuple):
 
 
 class AngleRateFit(NamedTuple):
-    """How an angle follows its integrated rate in several runs; standard deviations by runs."""
+    """How an angle follows its integrated rate in several runs.
+
+    The standard deviations are those of the jackknife over the runs.
+    """
 
     ratio: float
     """Change of the angle over that of the integrated rate."""
     ratio_sd: float
     lag_s: float
-    """Time by which the angle is late; negative if the rate is."""
+    """Time by which the angle is late; negative if the rate is, NaN for a frozen angle."""
     lag_sd_s: float
 
 
@@ -165,7 +168,7 @@ def _normal_equations(time_s: Array, angle_rad: Array, rate_radps: Array) -> Arr
 
 
 def _fit(normal_equations: Iterable[Array]) -> AngleRateFit | None:
-    """Solve the sum of the equations of several runs; the jackknife gives standard deviations."""
+    """Solve the sum of the equations of several runs; None if it has no unique solution."""
     parts = np.array(list(normal_equations))
     if len(parts) < MIN_FITTED_RUNS:
         return None
@@ -174,7 +177,7 @@ def _fit(normal_equations: Iterable[Array]) -> AngleRateFit | None:
     if not np.all(np.linalg.matrix_rank(sums[:, :, :2]) == 2):
         return None
     ratio, product = np.linalg.solve(sums[:, :, :2], sums[:, :, 2:])[:, :, 0].T
-    lag_s = product / ratio
+    lag_s = np.divide(product, ratio, out=np.full_like(ratio, np.nan), where=ratio != 0.0)
     ratio_sd, lag_sd_s = np.sqrt((len(parts) - 1) * np.var([ratio[1:], lag_s[1:]], axis=1))
     return AngleRateFit(float(ratio[0]), float(ratio_sd), float(lag_s[0]), float(lag_sd_s))
 

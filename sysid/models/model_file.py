@@ -429,8 +429,8 @@ def read(path: str | Path) -> IdentifiedModel:
     try:
         text = read_limited(Path(path), MAX_TEXT_BYTES)
         file_format = format_of(text)
-        missing = "format" if file_format == 0 else "planes"
-        if f'"{missing}"'.encode() not in text:
+        if file_format == 0 or b'"planes"' not in text:
+            missing = "planes" if file_format else "format"
             raise ModelError(
                 f"{path}: not a model file (no '{missing}' key); pass the model.json written by"
                 " `ground refit`"

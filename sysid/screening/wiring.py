@@ -45,13 +45,19 @@ A vehicle that turns on and on has lost its speed, and responds little to its su
 """
 MAX_UNIT_RATIO_ERROR = 2.0
 """Largest factor between the ratio of two effects and 57.3 at which a unit is named as cause."""
-MAX_SCALE_ERROR, MAX_LAG_DIFFERENCE_S, SENSOR_SIGNIFICANCE = 0.1, 0.12, 6.0
-"""Relative error of a rate's scale, and difference of the lags of heading and pitch, from which on
-a log is refused, and their significance.
+MAX_SCALE_ERROR = 0.1
+"""Largest relative difference of the changes of an angle and of its integrated rate in a log.
 
-A compass whose deviation changes by 5 deg in a turn of 90 deg has a scale error of 6 %. A fit has
-one lag for both angles; with 0.13 s between them its intervals are too wide for a redesign.
+A compass whose deviation changes by 5 deg in a turn of 90 deg has one of 6 %.
 """
+MAX_LAG_DIFFERENCE_S = 0.12
+"""Largest difference of the lags of heading and pitch in a log.
+
+A fit has one lag for both angles; with 0.13 s between them its intervals are too wide for a
+redesign.
+"""
+SENSOR_SIGNIFICANCE = 6.0
+"""Standard deviations by which a log must exceed one of these two limits to be refused."""
 HARDWARE_PARAMETERS = ("ACT_TRAVEL_DEG",)
 """Parameters that describe the vehicle and do not change between its dives."""
 

@@ -83,6 +83,14 @@ def test_frozen_heading_is_named(yaw: Run) -> None:
     assert reason.endswith("; the angle does not change")
 
 
+def test_frozen_angle_has_ratio_zero_and_no_lag(pitch: Run) -> None:
+    frozen = replace(pitch, pitch_rad=np.zeros_like(pitch.pitch_rad))
+    fit = kinematics.fit_pitch([frozen] * 3)
+    assert fit is not None
+    assert fit.ratio == 0.0
+    assert math.isnan(fit.lag_s)
+
+
 def test_heading_mismatch_accounts_for_roll(yaw: Run) -> None:
     """At 90 degrees of roll the heading changes with the pitch rate."""
     side = math.radians(90.0)
