@@ -8,7 +8,7 @@ from ground.campaign.identification import assessment_lines, initial_error, refi
 from ground.campaign.summary_file import LoopAnalysis, ModelSummary, SteadyErrorEntry
 from ground.client.assessment import format_value
 from sysid.control_analysis.control_systems import MarginsComparison
-from sysid.models.model_file import IdentifiedModel
+from sysid.models.model_file import IdentifiedModel, RunQuality
 from sysid.monitor.tracking_metrics import TrackingMetrics
 from sysid.planes import PLANES, Plane
 from sysid.reproduction.paper_poles import dominant
@@ -33,6 +33,9 @@ _GAIN_SET_NAMES = {
 }
 PAPER = "paper"
 """Begin of the head of a column with the paper's values."""
+_FITTED_TAG = '<span class="tag measured">fitted</span>'
+_HELD_OUT_TAG = '<span class="tag">held out</span>'
+_REJECTED_TAG = '<span class="tag prior">rejected</span>'
 _CASES = {
     "I/I": "initial model, initial gains",
     "A/I": "adjusted, initial",
@@ -335,41 +338,27 @@ def margins(
 def screening(model: IdentifiedModel) -> str:
     """Return every run with its screening result, the reason, and the rate error of both models."""
     quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
-    waves = {
-        run.run: run.wave for validation in model.validation.values() for run in validation.runs
-    }
-    rows = []
-    for run in model.screening:
-        q = quality.get(run.run)
-        errors = (
-            ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
-        )
-        use = (
-            '<span class="tag measured">fitted</span>'
-            if run.accepted
-            else '<span class="tag prior">rejected</span>'
-        )
-        reasons = escape("; ".join((*run.reasons, *run.warnings)))
-        rows.append(
-            [
-                run.run,
-                f"{run.wave} {run.magnitude_deg:+g}°",
-                f"{run.duration_s:.1f} s",
-                *errors,
-                use,
-                reasons,
-            ]
-        )
-    for q in model.held_out:
-        errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
-        rows.append(
-            [q.run, waves.get(q.run, q.plane), "", *errors, '<span class="tag">held out</span>', ""]
-        )
-    return table(
-        ["run", "test", "length", "initial model", "refitted model", "", "reason"],
-        rows,
-        "named prose",
-    )
+    rows = [
+        [
+            run.run,
+            f"{run.wave} {run.magnitude_deg:+g}°",
+            f"{run.duration_s:.1f} s",
+            *_errors(quality.get(run.run)),
+            tag if run.accepted else _REJECTED_TAG,
+            escape("; ".join((*run.reasons, *run.warnings))),
+        ]
+        for runs, tag in ((model.screening, _FITTED_TAG), (model.held_out_screening, _HELD_OUT_TAG))
+        for run in runs
+    ]
+    head = ["run", "test", "length", "initial model", "refitted model", "", "reason"]
+    return table(head, rows, "named prose")
+
+
+def _errors(quality: RunQuality | None) -> list[str]:
+    """Return the rate errors of both models; empty for a run that was rejected."""
+    if quality is None:
+        return ["", ""]
+    return [f"{quality.prior_mse_deg2ps2:.3f}", f"{quality.model_mse_deg2ps2:.3f}"]
 
 
 def tracking(missions: Mapping[str, Mapping[str, TrackingMetrics]]) -> str:
