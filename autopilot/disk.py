@@ -1,5 +1,7 @@
 """Writes to the disk: in a thread, and with errors that name the file and what to do."""
 
+import fcntl
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from errno import EACCES, EDQUOT, EFBIG, ENOSPC, EPERM, EROFS
@@ -32,6 +34,26 @@ def rename_broken(path: Path) -> str:
     except OSError as error:
         return f"cannot be renamed: {error.strerror}"
     return f"renamed to {backup.name}"
+
+
+def lock_folder(folder: Path) -> bool:
+    """Lock a folder until this process ends; return whether no other process has locked it.
+
+    A folder that cannot be created, or on a file system without locks, counts as free.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return True  # the first write reports it
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        return False
+    except OSError:
+        pass
+    return True
 
 
 class BackgroundWriter:

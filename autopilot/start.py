@@ -18,6 +18,7 @@ from autopilot.control.lqg_file import load as load_controllers
 from autopilot.control.params import ParamTable
 from autopilot.control.requests import LoadFence, LoadMission, LoadRally, Request
 from autopilot.control.types import Severity
+from autopilot.disk import lock_folder
 from autopilot.identities import IDENTITIES
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_file import load
@@ -128,6 +129,11 @@ def run(options: AutopilotOptions, start: ProcessStart | None = None) -> None:
     _say(f"system {vehicle.system}, HIL {options.hil}, ground {links}")
     if options.controller:
         vehicle.send_statustext(f"Controller: {options.controller.name}", Severity.INFO)
+    if options.state and not lock_folder(options.state):
+        param_store.problems.append(
+            f"{options.state}: another autopilot stores its parameters here too; give each its own"
+            " --state"
+        )
     for problem in param_store.problems:
         vehicle.send_statustext(f"Parameters: {problem}")
         _say(printable(problem))

@@ -1,6 +1,8 @@
 """Parameters with third-party programs: download as one file, and storage over restarts."""
 
 import json
+import signal
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from mavlink_io.services import params
 from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
 from tests.helpers.exchange import run
-from tests.helpers.subprocesses import TIMEOUT_S, autopilot, free_port, process
+from tests.helpers.subprocesses import TIMEOUT_S, Process, autopilot, free_port, process
 
 pytestmark = [pytest.mark.process, pytest.mark.client]
 
@@ -71,3 +73,21 @@ def test_parameter_set_by_ground_survives_kill(tmp_path: Path) -> None:
 
     assert ask(0.75) == 0.75
     assert ask(None) == 0.75
+
+
+def test_second_autopilot_on_a_state_folder_reports_it(tmp_path: Path) -> None:
+    def started() -> AbstractContextManager[Process]:
+        options = ("--state", str(tmp_path))
+        return autopilot(
+            f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{free_port()}", options=options
+        )
+
+    def said(process: Process) -> str:
+        process.signal(signal.SIGTERM)
+        return process.finish().stderr
+
+    with started() as first, started() as second:
+        assert f"{tmp_path}: another autopilot stores its parameters here too" in said(second)
+        assert "another autopilot" not in said(first)
+    with started() as later:
+        assert "another autopilot" not in said(later)
