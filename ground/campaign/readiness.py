@@ -62,7 +62,7 @@ def find_heaviness(content: Mapping[str, Any], vehicle: Any) -> Heaviness | None
         return None
     return Heaviness(
         f"water of {density_kgpm3:g} kg/m3 at the surface, in which {vehicle.name} is"
-        f" {-lift_n:.3g} N too heavy: it sinks without power",
+        f" {abs(lift_n):.3g} N too heavy: it does not rise without power",
         f"give the vehicle file a ballast.net_buoyancy_n above {enough_n:.3g}, or choose another"
         " scenario",
     )

@@ -14,7 +14,7 @@ from sysid.estimation.map.fit import Fit
 from sysid.estimation.map.gauss_newton import Z_LIMIT
 from sysid.estimation.map.problem import MapProblem, Prior
 from sysid.models import delta_method, parameters
-from sysid.models.parameters import NAMES
+from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.planes import Plane
 from sysid.prior_knowledge import prior_of
 
@@ -109,14 +109,15 @@ def test_step_to_a_vehicle_that_diverges_ends_before_it(monkeypatch: pytest.Monk
     prior = Prior(
         config.load("remus100"), dict.fromkeys(Plane, 0.0), np.zeros(len(NAMES)), np.eye(len(NAMES))
     )
-    evaluate = problems.evaluate
+    simulate_all = problems._simulate_all
 
-    def diverging(problem: MapProblem, z: np.ndarray) -> problems.Evaluation | None:
-        evaluation = evaluate(problem, z)
-        assert evaluation is not None
-        return evaluation._replace(cost=1e200 if np.max(z) > 0.3 else 1.0)
+    def diverging(
+        problem: MapProblem, candidate: CandidateVehicle, z: np.ndarray
+    ) -> problems.Evaluation:
+        evaluation = simulate_all(problem, candidate, z)
+        return evaluation._replace(cost=math.nan if np.max(z) > 0.3 else 1.0)
 
-    monkeypatch.setattr(problems, "evaluate", diverging)
+    monkeypatch.setattr(problems, "_simulate_all", diverging)
     z = np.zeros(len(NAMES))
     z[NAMES.index("N_r")] = 1.0
     problem = MapProblem(prior, {}, {}, {}, 1)

@@ -8,13 +8,13 @@ cost. They use every second sample only, which is enough to distinguish minima, 
 level flight.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.vehicle.config import VehicleFileError
 from sysid.data.runs import Run
 from sysid.estimation.map import bounds, model_error
 from sysid.estimation.map import problem as problems
@@ -27,10 +27,10 @@ from sysid.estimation.map.datasets import (
     max_leads_s,
     residuals,
 )
-from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend
+from sysid.estimation.map.gauss_newton import Z_LIMIT, SearchEnd, descend, within_bounds
 from sysid.estimation.map.manoeuvre_filters import manoeuvre_filters
 from sysid.estimation.map.model_error import RunScatter
-from sysid.estimation.map.problem import Linearisation, MapProblem, Prior
+from sysid.estimation.map.problem import Evaluation, Linearisation, MapProblem, Prior
 from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import noise, parameters
 from sysid.models.noise import Noise
@@ -138,6 +138,8 @@ def fit(
     ------
     ValueError
         There is no run.
+    VehicleFileError
+        The vehicle of the prior is impossible, or its simulated runs diverge.
     """
     if not runs:
         raise ValueError("no run is left to fit; record rudder or elevator tests")
@@ -153,9 +155,11 @@ def fit(
     linearisation: Linearisation | None = None
     for pass_index in range(PASSES):
         report(f"fit, pass {pass_index + 1} of {PASSES}", pass_index / work_steps)
-        optimum = descend(
-            _problem(prior, datasets, levels, z), z, COARSE_TOLERANCE, linearisation=linearisation
-        )
+        problem = _problem(prior, datasets, levels, z)
+        start_runs = linearisation or problems.evaluate(problem, within_bounds(prior, z))
+        if start_runs is None:
+            raise VehicleFileError("its simulated tests diverge")
+        optimum = descend(problem, z, COARSE_TOLERANCE, start_runs=start_runs)
         z, steps, linearisation = optimum.z, steps + optimum.steps, optimum.score.linearisation
         levels = _noise(prior, datasets, levels, z)
         if (updated_s := max_leads_s(runs, problems.vehicle(prior, z))) != leads_s:
@@ -163,7 +167,7 @@ def fit(
             linearisation = None
     report("fit, last pass", PASSES / work_steps)
     problem = last_problem(prior, datasets, levels, z)
-    optimum = descend(problem, z, FINE_TOLERANCE, linearisation=linearisation)
+    optimum = descend(problem, z, FINE_TOLERANCE, start_runs=linearisation)
     start_cost_ratios, better_z, restart_steps = _search_other_starts(
         problem,
         optimum.z,
@@ -263,15 +267,15 @@ def _search_other_starts(
     for index in range(start_count):
         report(index / start_count)
         sample = prior.mean + root @ generator.standard_normal(len(NAMES))
-        start = _feasible_start(spans[0], np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
-        path, path_steps = _search_spans(spans, start, paths)
+        start = np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT)
+        path, path_steps = _search_spans(spans, start, z, paths)
         paths.append(path)
         end, steps = path[-1], steps + path_steps
         for _ in range(MAX_REPEATS):
             if end.score.cost <= REJECTED_COST_RATIO * reference_cost:
                 break
-            start = 0.5 * (start + z)
-            end = descend(decimated, start, COARSE_TOLERANCE, ends)
+            start, start_runs = _feasible_start(decimated, 0.5 * (start + z), z)
+            end = descend(decimated, start, COARSE_TOLERANCE, ends, start_runs)
             steps += end.steps
         ends.append(end)
         cost_ratios.append(end.score.cost / reference_cost)
@@ -309,17 +313,19 @@ def _better_of(
 
 
 def _search_spans(
-    spans: Sequence[MapProblem], start: Array, paths: Sequence[list[SearchEnd]]
+    spans: Sequence[MapProblem], start: Array, z: Array, paths: Sequence[list[SearchEnd]]
 ) -> tuple[list[SearchEnd], int]:
     """Search from span to span; return the end of each, and the number of steps.
 
-    A search that comes to the end of an earlier path follows that path from there.
+    The end of a span whose vehicle diverges later, in the next one, is moved towards ``z``. A
+    search that comes to the end of an earlier path follows that path from there.
     """
     path: list[SearchEnd] = []
     steps = 0
     for index, span in enumerate(spans):
         tolerance = OPENING_TOLERANCE if index < len(RESTART_SPANS_S) else COARSE_TOLERANCE
-        end = descend(span, start, tolerance, [earlier[index] for earlier in paths])
+        start, start_runs = _feasible_start(span, start, z)
+        end = descend(span, start, tolerance, [earlier[index] for earlier in paths], start_runs)
         steps += end.steps
         if end.joined is not None:
             return [*path, *paths[end.joined][index:]], steps
@@ -328,11 +334,12 @@ def _search_spans(
     return path, steps
 
 
-def _feasible_start(problem: MapProblem, start: Array, z: Array) -> Array:
-    """Halve the distance of ``start`` to ``z`` until such a vehicle is possible."""
-    while not math.isfinite(problems.cost(problem, start)):
+def _feasible_start(problem: MapProblem, start: Array, z: Array) -> tuple[Array, Evaluation]:
+    """Halve the distance of ``start`` to ``z`` until such a vehicle is possible; add its runs."""
+    start = within_bounds(problem.prior, start)
+    while (evaluation := problems.evaluate(problem, start)) is None:
         start = 0.5 * (start + z)
-    return start
+    return start, evaluation
 
 
 def _truncate(problem: MapProblem, seconds: float) -> MapProblem:

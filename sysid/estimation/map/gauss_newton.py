@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.problem import Linearisation, MapProblem, Prior, Score
+from sysid.estimation.map.problem import Evaluation, Linearisation, MapProblem, Prior, Score
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 
@@ -55,7 +55,7 @@ def descend(
     start: Array,
     tolerance: float,
     known: Sequence[SearchEnd] = (),
-    linearisation: Linearisation | None = None,
+    start_runs: Evaluation | Linearisation | None = None,
 ) -> SearchEnd:
     """Minimise the cost from ``start``.
 
@@ -70,20 +70,19 @@ def descend(
     known : sequence of SearchEnd
         Ends of earlier searches of the same problem. A search that comes within ``BASIN_SDS`` of
         one of them stops.
-    linearisation : Linearisation, optional
-        Runs and derivatives at ``start``, if they are already known.
+    start_runs : Evaluation or Linearisation, optional
+        Runs at ``start``, or runs and derivatives, if they are already known.
 
     Returns
     -------
     SearchEnd
         Parameters of the least cost found, or those of the known end that was reached.
     """
-    lower = lower_bounds(problem.prior)
-    z = np.clip(start, lower, Z_LIMIT)
+    lower, z = lower_bounds(problem.prior), within_bounds(problem.prior, start)
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
     if (joined := _joined(known, precision, z, 0)) is not None:
         return joined
-    current = problems.score(problem, z, linearisation)
+    current = problems.score(problem, z, start_runs)
     damping, steps = INITIAL_DAMPING, 0
     while steps < MAX_STEPS and damping < MAX_DAMPING:
         step, predicted_decrease, is_clipped = _step(current, precision, z, damping, lower)
@@ -117,6 +116,11 @@ def lower_bounds(prior: Prior) -> Array:
     for index, zero in parameters.delays_of_zero(prior.config).items():
         bounds[index] = max(-Z_LIMIT, zero)
     return bounds
+
+
+def within_bounds(prior: Prior, z: Array) -> Array:
+    """Return parameters with those beyond a bound at this bound."""
+    return np.clip(z, lower_bounds(prior), Z_LIMIT)
 
 
 def is_free(current: Score, z: Array, lower: Array) -> NDArray[np.bool_]:

@@ -26,7 +26,7 @@ from scipy.special import ndtri
 
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.fit import Fit, last_problem
-from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds
+from sysid.estimation.map.gauss_newton import Z_LIMIT, is_free, lower_bounds, within_bounds
 from sysid.estimation.map.problem import Evaluation, MapProblem, Prior
 from sysid.estimation.map.steady_state import linear_plane
 from sysid.models import delta_method, linear_planes, parameters
@@ -51,8 +51,6 @@ MAX_SD = 12.0
 """Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
 MAX_HALVINGS = 10
 """Maximum number of halvings of a step that leads to an impossible vehicle."""
-DIVERGED_COST = 1e12
-"""Cost above which simulated runs have diverged; that of a fit is about the number of samples."""
 
 
 class ParameterInterval(NamedTuple):
@@ -141,7 +139,7 @@ def constrained_optimum(problem: MapProblem, number: Number, start: Array, value
     Parameters that the gradient pushes beyond their bounds are held fixed.
     """
     precision, lower = np.linalg.inv(problem.prior.covariance), lower_bounds(problem.prior)
-    z = np.clip(start, lower, Z_LIMIT)
+    z = within_bounds(problem.prior, start)
     evaluation: Evaluation | None = None
     for _ in range(STEPS):
         current, gradient = problems.score(problem, z, evaluation), delta_method.slopes(number, z)
@@ -164,12 +162,12 @@ def nearest_possible(
 ) -> tuple[Array, Evaluation | None]:
     """Return z, moved towards the parameters of a possible vehicle until its own is possible.
 
-    A vehicle whose simulated runs diverge is not possible either. An interval that reaches the edge
-    of the possible vehicles ends there. The runs are those of z; None if z is ``possible``.
+    An interval that reaches the edge of the possible vehicles ends there. The runs are those of z;
+    None if z is ``possible``.
     """
     for _ in range(MAX_HALVINGS):
         evaluation = problems.evaluate(problem, z)
-        if evaluation is not None and evaluation.cost < DIVERGED_COST:
+        if evaluation is not None:
             return z, evaluation
         z = 0.5 * (possible + z)
     return possible, None

@@ -42,6 +42,8 @@ EDGE_STEP = 1e-3
 """Distance from z, in prior standard deviations, at which a vehicle may be impossible."""
 DIFFERENCE = 1e-4
 """Forward difference step of the sensitivities, in prior standard deviations."""
+DIVERGED_COST = 1e12
+"""Cost above which simulated runs have diverged; that of a fit is about the number of samples."""
 SPEED_PARAMETERS = ("axial_drag",)
 """Parameters that change the steady speed at a given thrust."""
 
@@ -129,7 +131,7 @@ def filters(
 
 
 def cost(problem: MapProblem, z: Array) -> float:
-    """Return the cost at z; infinite if no such vehicle is possible."""
+    """Return the cost at z; infinite if `evaluate` returns None."""
     evaluation = evaluate(problem, z)
     return evaluation.cost if evaluation else math.inf
 
@@ -147,13 +149,14 @@ def evaluate(problem: MapProblem, z: Array) -> Evaluation | None:
     Returns
     -------
     Evaluation or None
-        Candidate with its cost; None if no such vehicle is possible.
+        Candidate with its cost; None if no such vehicle is possible, or if its runs diverge.
     """
     try:
         candidate = vehicle(problem.prior, z)
     except VehicleFileError:
         return None
-    return _simulate_all(problem, candidate, z)
+    evaluation = _simulate_all(problem, candidate, z)
+    return evaluation if evaluation.cost < DIVERGED_COST else None
 
 
 def _simulate_all(problem: MapProblem, candidate: CandidateVehicle, z: Array) -> Evaluation:

@@ -12,5 +12,5 @@ def test_vehicle_that_sinks_in_the_upper_layer_is_too_heavy(vehicle: str) -> Non
     symptom = fly._check_simulation(vehicle, "estuary")
     assert symptom is not None
     assert symptom.kind is SymptomKind.HEAVY
-    assert "too heavy: it sinks without power" in symptom.message
+    assert "too heavy: it does not rise without power" in symptom.message
     assert fly._check_simulation(vehicle, "calm") is None

@@ -190,10 +190,33 @@ def test_start_misled_by_initial_parts_is_searched_on_whole_runs(
     distance = float(brentq(excess, 0.0, 2.0, xtol=1e-3))
     rejected = descend(problem, least.z + distance, 1e9)
     assert rejected.score.cost == pytest.approx(cost_ratio * least.score.cost, rel=0.01)
-    monkeypatch.setattr(fit, "_search_spans", lambda spans, start, paths: ([rejected], 1))
+    monkeypatch.setattr(fit, "_search_spans", lambda spans, start, z, paths: ([rejected], 1))
     ratios, better_z, _ = fit._search_other_starts(problem, least.z, 2, lambda share: None)
     assert ratios == pytest.approx([1.0, 1.0], abs=START_COST_TOLERANCE)
     assert better_z is None
+
+
+def test_start_that_diverges_in_a_later_span_is_moved_to_the_estimate(
+    problem: MapProblem, random_z: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Derivatives of such runs overflowed, and the error was said to be one of the tests."""
+    least = descend(problem, random_z, 1e-6)
+    far = descend(problem, least.z + 1.0, 1e9)
+    spans = [fit._truncate(problem, 5.0), problem]
+    evaluate = problems.evaluate
+
+    def diverging(span: MapProblem, z: np.ndarray) -> problems.Evaluation | None:
+        if span is problem and np.max(np.abs(z - least.z)) > 0.3:
+            return None
+        return evaluate(span, z)
+
+    monkeypatch.setattr(problems, "evaluate", diverging)
+    monkeypatch.setattr(
+        fit, "descend", lambda span, start, *_: far._replace(z=start, score=far.score, joined=None)
+    )
+    path, _ = fit._search_spans(spans, far.z, least.z, [])
+    assert np.max(np.abs(path[0].z - least.z)) == pytest.approx(1.0)
+    assert np.max(np.abs(path[1].z - least.z)) == pytest.approx(0.25)
 
 
 def test_descend_stays_within_bounds(few: list[Run], bench: config.VehicleConfig) -> None:

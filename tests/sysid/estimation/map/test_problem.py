@@ -1,5 +1,7 @@
 """Cost of the joint fit: its derivatives, and evaluations that are used again."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,20 @@ def test_score_with_known_linearisation_has_same_bits(problem: MapProblem) -> No
     assert known.cost == fresh.cost != problems.cost(problem, z)
     assert known.slope.tobytes() == fresh.slope.tobytes()
     assert known.information.tobytes() == fresh.information.tobytes()
+
+
+@pytest.mark.parametrize("cost", [1e200, math.inf, math.nan])
+def test_vehicle_whose_runs_diverge_is_impossible(
+    cost: float, problem: MapProblem, campaign: list[Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    z = np.zeros(len(NAMES))
+    evaluation = problems.evaluate(problem, z)
+    assert evaluation is not None
+    monkeypatch.setattr(problems, "_simulate_all", lambda *_: evaluation._replace(cost=cost))
+    assert problems.evaluate(problem, z) is None
+    assert problems.cost(problem, z) == math.inf
+    with pytest.raises(config.VehicleFileError, match="its simulated tests diverge"):
+        joint.fit(campaign[:1], problem.prior, starts=0)
 
 
 @pytest.mark.parametrize(
