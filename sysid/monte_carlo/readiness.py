@@ -15,6 +15,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autopilot.control import params
 from mavlink_io.mission_items import MissionItem
@@ -47,6 +48,8 @@ UNSTEADY, SATURATION = "unsteady start", "saturation"
 MIN_DEPTH_SHARE, MIN_LIMIT_SHARE = 0.5, 0.95
 """Smallest share of the commanded depth that a dive reaches, and share of the largest pitch and of
 the travel from which on a command counts as the largest."""
+MAX_TIME_AT_LIMITS = 0.5
+"""Largest share of an unfinished dive with full commands whose cause is not the buoyancy."""
 KEPT_DIVES = 24
 """Number of the latest dives that are kept: several checks use the same ones."""
 MIN_STEP_S = 4.5
@@ -160,7 +163,9 @@ class Readiness:
             depths = f"it reaches {reached_m:.1f} of {asked_m:.1f} m"
             return Obstacle(name, f"{depths}: {self._too_weak(dive)}", is_afloat=True)
         if not dive.finished:
-            return Obstacle(name, f"it does not end within its time; {self.describe_disturbance()}")
+            weak = np.mean(self._is_at_limits(dive)) > MAX_TIME_AT_LIMITS
+            reason = self._too_buoyant() if weak else self.describe_disturbance()
+            return Obstacle(name, f"it does not end within its time; {reason}")
         return None
 
     def stays_afloat(self, dive: SimulatedDive) -> bool:
@@ -184,19 +189,27 @@ class Readiness:
 
         Gains that suffice command the largest pitch or elevator.
         """
+        if np.any(self._is_at_limits(dive)):
+            return self._too_buoyant()
         pitch_rad = -float(np.min(dive.log.setpoints.pitch_rad, initial=0.0))
-        elevator_rad = float(np.max(np.abs(dive.log.actuators.elevator_rad), initial=0.0))
-        shares = pitch_rad / self._config.pitch_limit_rad, elevator_rad / self._config.travel_rad
-        if max(shares) >= MIN_LIMIT_SHARE:
-            buoyancy_n = self._vehicle.config.ballast.net_buoyancy_n
-            return (
-                f"the vehicle cannot dive against its buoyancy of {buoyancy_n:.3g} N; less"
-                " buoyancy, more speed or a larger elevator is needed"
-            )
         return (
             f"the gains of the first dive command {math.degrees(pitch_rad):.1f} deg of pitch at"
             " most; a faster tailcone, or one that was measured (`ground bench-test`), permits"
             " larger gains"
+        )
+
+    def _is_at_limits(self, dive: SimulatedDive) -> NDArray[np.bool_]:
+        """Return for each sample whether the largest pitch down or elevator is commanded."""
+        pitch_share = -dive.log.setpoints.pitch_rad / self._config.pitch_limit_rad
+        elevator_share = np.abs(dive.log.actuators.elevator_rad) / self._config.travel_rad
+        return np.asarray(np.maximum(pitch_share, elevator_share) >= MIN_LIMIT_SHARE)
+
+    def _too_buoyant(self) -> str:
+        """Return why a vehicle does not dive, or not as deep as commanded, with full commands."""
+        return (
+            "the vehicle cannot dive against its buoyancy of"
+            f" {self._vehicle.config.ballast.net_buoyancy_n:.3g} N; less buoyancy, more speed or a"
+            " larger elevator is needed"
         )
 
     def coherence(

@@ -1,6 +1,7 @@
 """The readiness check finds the reasons why a campaign cannot work, and none where it can."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -101,6 +102,24 @@ def test_obstacle_vehicle_that_stays_at_the_surface(
     check = Readiness(structs.replace(known, ballast=ballast), gains, CALM, seed=1)
     reported = readiness.find_obstacle(check, {"trim": plans.load_items("trim")})
     assert reported is not None
+    assert reason in reported.reason
+
+
+@pytest.mark.parametrize(("pitch_deg", "reason"), [(-20.0, "buoyancy of 5 N"), (-10.0, "deg/s")])
+def test_obstacle_dive_that_does_not_end_names_full_commands(pitch_deg: float, reason: str) -> None:
+    """Pitch is limited to 20 deg; a slow vehicle held that without reaching its depth."""
+    known = config.load("remus100")
+    ballast = structs.replace(known.ballast, net_buoyancy_n=5.0)
+    gains = dict(zip(NAMES, GAINS["remus100"], strict=True)) | OTHERS
+    check = Readiness(structs.replace(known, ballast=ballast), gains, CALM, seed=1)
+    dive = check.fly(plans.load_items("trim"))
+    assert check.obstacle("trim", dive) is None
+    pitch_rad = np.full_like(dive.log.setpoints.pitch_rad, math.radians(pitch_deg))
+    setpoints = replace(dive.log.setpoints, pitch_rad=pitch_rad)
+    late = dive._replace(finished=False, log=replace(dive.log, setpoints=setpoints))
+    reported = check.obstacle("trim", late)
+    assert reported is not None
+    assert "does not end within its time" in reported.reason
     assert reason in reported.reason
 
 
