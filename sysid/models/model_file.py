@@ -30,7 +30,6 @@ from sysid.models.json_record import (
     decode,
     encode,
     explain,
-    format_of,
     schema_of,
 )
 from sysid.planes import Plane
@@ -405,6 +404,13 @@ def write(model: IdentifiedModel, path: str | Path) -> None:
     write_output(path, encode(model))
 
 
+class _Head(msgspec.Struct):
+    """Keys that models of every format have, and other files do not; the values are not decoded."""
+
+    format: int = 0
+    planes: msgspec.Raw = msgspec.Raw()
+
+
 def read(path: str | Path) -> IdentifiedModel:
     """Read ``model.json``.
 
@@ -428,16 +434,16 @@ def read(path: str | Path) -> IdentifiedModel:
     text = b""
     try:
         text = read_limited(Path(path), MAX_TEXT_BYTES)
-        file_format = format_of(text)
-        if file_format == 0 or b'"planes"' not in text:
-            missing = "planes" if file_format else "format"
+        head = decode(text, _Head)
+        missing = "format" if head.format == 0 else "planes" if not head.planes else ""
+        if missing:
             raise ModelError(
                 f"{path}: not a model file (no '{missing}' key); pass the model.json written by"
                 " `ground refit`"
             )
-        if file_format != FORMAT:
+        if head.format != FORMAT:
             raise ModelError(
-                f"{path}: format = {file_format}; this version reads format {FORMAT}: refit the"
+                f"{path}: format = {head.format}; this version reads format {FORMAT}: refit the"
                 " logs"
             )
         model = decode(text, IdentifiedModel)

@@ -132,6 +132,7 @@ def test_impossible_vehicle_file_in_a_model_is_refused(
         ('{"format": 99, "planes": {}}', "format = 99"),
         ("{}", "no 'format' key"),
         ('{"planes": {"format": 5}}', "no 'format' key"),
+        ('{"format": 1, "model": {"planes": {}}}', "not a model file .no 'planes' key."),
         ('{"format": 1, "tick_s": 0.02, "heading": {}}', "not a model file .no 'planes' key."),
         ('{"format": 5, "planes": {}}', "missing required field"),
         ("not json", "malformed"),
