@@ -320,7 +320,7 @@ class _FtpDownload(_FtpExchange[int]):
             is_new=packet.offset + len(packet.data) > self._written
             and packet.offset not in self._pending
         )
-        self._pending[packet.offset] = packet.data
+        self._pending[packet.offset] = packet.data[: self._size - packet.offset]
         lost = range(self._frontier, packet.offset, MAX_DATA)
         for offset in lost[:MAX_REPAIRS]:  # the end of the burst requests the others
             self._read(offset, min(MAX_DATA, packet.offset - offset))

@@ -160,6 +160,16 @@ def test_download_that_stands_still_ends(opcode: int, data: bytes) -> None:
         serve_files(answer, lambda files: files.download("/a", io.BytesIO()))
 
 
+def test_download_of_a_file_that_grows_ends_at_its_first_size() -> None:
+    def answer(request: Packet) -> Packet:
+        is_open = request.opcode == payload.OPEN
+        return reply_to(request, payload.ACK, b"\x05\0\0\0" if is_open else b"0123456789")
+
+    sink = io.BytesIO()
+    serve_files(answer, lambda files: files.download("/a", sink))
+    assert sink.getvalue() == b"01234"
+
+
 def test_burst_with_a_large_gap_requests_few_pieces_at_once() -> None:
     up, down = Wire(GROUND), Wire(VEHICLE)
     exchange = FileClient(up.send, GROUND, VEHICLE).download("/a", io.BytesIO())
