@@ -28,6 +28,9 @@ OVERHEAD = 12
 """Bytes of a MAVLink 2 frame around its payload, without a signature."""
 MAX_FRAME_BYTES = OVERHEAD + 255 + SIGNATURE_LENGTH
 """Bytes of the longest MAVLink 2 frame."""
+MAX_REJECTED = 1000
+"""Maximum number of frames with a wrong CRC in bytes that a link has received at once; the others
+are skipped. A datagram whose every byte begins a frame would cost 65,535 CRCs."""
 MAX_PARTIAL_STREAMS = 64
 """Maximum number of streams with an incomplete frame in memory, <= MAX_FRAME_BYTES bytes each."""
 
@@ -168,6 +171,9 @@ class Framer:
     senders : container of (int, int)
         System and component ids of known senders. A frame of one of them passes even if the dialect
         does not define its message.
+    max_rejected : int, optional
+        Number of frames with a wrong CRC in one call of ``feed`` after which its other bytes are
+        skipped, as ``MAX_REJECTED``; default: no limit, for a log.
 
     Notes
     -----
@@ -180,8 +186,10 @@ class Framer:
     CRC. Noise meets both conditions once in 16 million times.
     """
 
-    def __init__(self, senders: Container[tuple[int, int]] = ()) -> None:
-        self._senders = senders
+    def __init__(
+        self, senders: Container[tuple[int, int]] = (), max_rejected: int | None = None
+    ) -> None:
+        self._senders, self._max_rejected = senders, max_rejected
         self._partial_frames: dict[Hashable, bytes] = {}
         self.rejected_frames = 0
         """Number of frames with a wrong CRC."""
@@ -221,7 +229,11 @@ class Framer:
         buffer = self._partial_frames.pop(stream, b"") + data if self._partial_frames else data
         frames: list[Frame] = []
         start, end = 0, len(buffer)
+        limit = None if self._max_rejected is None else self.rejected_frames + self._max_rejected
         while start < end:
+            if self.rejected_frames == limit:
+                self.skipped_bytes += end - start
+                return frames
             if buffer[start] not in (MAGIC_V2, MAGIC_V1):
                 start = self._skip_noise(buffer, start)
                 continue

@@ -4,7 +4,7 @@ from collections.abc import Hashable, Sequence
 from typing import Any
 
 from mavlink_io import dialect
-from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode_payload
+from mavlink_io.codec import MAX_REJECTED, SIGNED_FLAG, Frame, Framer, encode_payload
 from mavlink_io.fixed_frame import SENDER, SEQUENCE, FixedFrame
 from mavlink_io.frame_loss import FrameLoss
 from mavlink_io.signing import Signing
@@ -53,7 +53,7 @@ class Endpoint:
         self._losses: dict[tuple[int, int], FrameLoss] = {}
         self._unread = b""
         """Datagram that ``put_back`` has returned."""
-        self._framer = Framer(self._losses if accept_unknown else ())
+        self._framer = Framer(self._losses if accept_unknown else (), MAX_REJECTED)
 
     def send(self, name: str, **fields: Any) -> None:
         """Send one message.

@@ -15,6 +15,10 @@ from mavlink_io.frame_order import FrameOrder
 
 T = TypeVar("T")
 
+MAX_REPEATS_S = 60.0
+"""Wall time in which a peer may answer without anything new, such as the same items again; then the
+exchange fails. Each of these answers starts its retry timeout again, which would go on for ever."""
+
 
 class MavlinkId(NamedTuple):
     """System and component id of a MAVLink participant."""
@@ -72,6 +76,8 @@ class Exchange(ABC, Generic[T]):
     """Names of the messages that can be an answer."""
     in_order: ClassVar[bool] = False
     """Whether frames that the link has delivered late are ignored (``frame_order``)."""
+    max_repeats_s: ClassVar[float] = MAX_REPEATS_S
+    """Minimum wall time with answers, but without anything new, after which the exchange fails."""
 
     def __init__(
         self,
@@ -86,7 +92,9 @@ class Exchange(ABC, Generic[T]):
         self._retry_s, self._attempts, self._attempts_left = retry_s, attempts, attempts
         self._due_s = self._now_s = -math.inf
         self._order = FrameOrder()
-        self._has_progressed = False
+        self._has_progressed = self._has_news = False
+        self._news_s: float | None = None
+        """Wall clock at the first poll, or at the poll after the last new answer."""
         self._result: T | None = None
         self._error = ""
         self.done = False
@@ -118,8 +126,13 @@ class Exchange(ABC, Generic[T]):
         self._now_s = now_s
         if self.done:
             return
+        if self._has_news or self._news_s is None:
+            self._news_s = now_s
+        elif self._has_progressed and now_s - self._news_s > self._repeats_limit_s():
+            self._fail(f"{self._describe()}: no new answer for {now_s - self._news_s:.0f} s")
+            return
         if self._has_progressed:
-            self._has_progressed = False
+            self._has_progressed = self._has_news = False
             self._attempts_left, self._due_s = self._attempts, now_s + self._retry_s
         if now_s < self._due_s:
             return
@@ -175,9 +188,17 @@ class Exchange(ABC, Generic[T]):
     def _describe(self) -> str:
         """Return a noun phrase for the request, for error messages."""
 
-    def _note_progress(self) -> None:
-        """Restart the retry timeout and the count of attempts at the next poll."""
+    def _note_progress(self, *, is_new: bool = True) -> None:
+        """Restart the retry timeout and the count of attempts at the next poll.
+
+        An answer that only repeats an earlier one is not new.
+        """
         self._has_progressed = True
+        self._has_news |= is_new
+
+    def _repeats_limit_s(self) -> float:
+        """Return the wall time after which answers without anything new end the exchange."""
+        return max(self.max_repeats_s, self._retry_s * self._attempts)
 
     def _finish(self, result: T) -> None:
         """End the exchange with a result."""

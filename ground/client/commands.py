@@ -21,12 +21,15 @@ _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_LAND"): "SURFACE",
 }
 """Names of standard modes, used if the vehicle sends no name for them."""
+MAX_SAME_PROGRESS_S = 600.0
+"""Wall time in which a command in progress may report the same progress; it is in whole percent."""
 
 
 class CommandExchange(Exchange[None]):
     """A COMMAND_LONG; done when the vehicle reports that it has accepted and finished it."""
 
     message_names = frozenset(("COMMAND_ACK",))
+    max_repeats_s = MAX_SAME_PROGRESS_S
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, command: int, *parameters: float
@@ -34,7 +37,7 @@ class CommandExchange(Exchange[None]):
         super().__init__(send, own, peer)
         self._command = command
         self._parameters = (*parameters, *(0.0,) * (7 - len(parameters)))
-        self._confirmation = 0
+        self._confirmation, self._progress = 0, -1
         self.refusal: int | None = None
         """MAV_RESULT of a refusal; None without one."""
 
@@ -51,7 +54,8 @@ class CommandExchange(Exchange[None]):
         if message.command != self._command:
             return
         if message.result == IN_PROGRESS:
-            self._note_progress()
+            self._note_progress(is_new=message.progress > self._progress)
+            self._progress = max(self._progress, message.progress)
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
@@ -88,9 +92,10 @@ class ModeList(Exchange[dict[str, int]]):
 
     def _handle_message(self, name: str, message: Any) -> None:
         """Store the name and number of a mode; finish when none is missing."""
+        is_new = message.mode_index not in self._modes
         self._modes[message.mode_index] = listed_mode_name(message), message.custom_mode
         self._missing = set(range(1, message.number_modes + 1)) - set(self._modes)
-        self._note_progress()
+        self._note_progress(is_new=is_new)
         if not self._missing:
             self._finish(dict(self._modes[index] for index in sorted(self._modes)))
 

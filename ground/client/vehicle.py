@@ -71,6 +71,8 @@ this program or of the whole machine, which may have paused the vehicle's link t
 MAX_UNASSIGNED = 5000
 """Largest number of frames that are kept until a vehicle is selected: ten seconds of one at full
 rate."""
+MAX_REASONS = 5
+"""Maximum number of texts of the vehicle in an error: the last ones during the request."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _CRITICAL = constant("MAV_STATE_CRITICAL"), constant("MAV_STATE_EMERGENCY")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
@@ -513,7 +515,8 @@ class VehicleClient:
 
     def _with_reason(self, exchange: Exchange[T], error: ExchangeError, first_text: int) -> str:
         """Return the error with its likely reason: texts of the vehicle, or a missing key."""
-        texts = [text.text for text in self.texts[first_text:]]
+        received = (text.text for text in self.texts[first_text:] if text.text)
+        texts = list(dict.fromkeys(received))[-MAX_REASONS:]
         if exchange.timed_out and self._is_signed_by_vehicle():
             texts.append("the vehicle signs its messages: give the key of the link by --sign")
         return f"{error}" + (f" ({'; '.join(texts)})" if texts else "")

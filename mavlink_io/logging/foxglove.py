@@ -142,10 +142,14 @@ class ViewerTopics:
         self._positions[system] = payload
 
     def _convert_pose(self, system: int, payload: bytes, time_ns: int) -> None:
-        """Write the pose of an ATTITUDE and the last position, if it is due."""
-        if system in self._positions and self._is_due(system, TRANSFORM, time_ns):
-            attitude = dialect.by_name("ATTITUDE").unpack(payload)
-            position = dialect.by_name("LOCAL_POSITION_NED").unpack(self._positions[system])
+        """Write the pose of an ATTITUDE and the last position, if it is due and finite."""
+        if system not in self._positions:
+            return
+        attitude = dialect.by_name("ATTITUDE").unpack(payload)
+        position = dialect.by_name("LOCAL_POSITION_NED").unpack(self._positions[system])
+        pose = attitude.roll, attitude.pitch, attitude.yaw, position.x, position.y, position.z
+        # JSON has no NaN, and an infinite angle has no sine
+        if all(map(math.isfinite, pose)) and self._is_due(system, TRANSFORM, time_ns):
             self._write(TRANSFORM, frame_transform(time_ns, attitude, position), time_ns)
 
     def _is_due(self, system: int, topic: ViewerTopic, time_ns: int) -> bool:

@@ -206,6 +206,7 @@ class MissionServer:
             "MISSION_CLEAR_ALL": self._clear,
             "MISSION_SET_CURRENT": self._set_current,
             "MISSION_WRITE_PARTIAL_LIST": self._partial,
+            "MISSION_ACK": self._cancel,
         }
 
     def feed(
@@ -376,6 +377,21 @@ class MissionServer:
             present = tuple(plan.items)
             items = present[: session.first] + items + present[session.stop :]
         self._end(session, plan.load(items))
+
+    def _cancel(self, message: Any, client: Client, now_s: float) -> None:
+        """End an upload whose sender cancels it.
+
+        Source: https://mavlink.io/en/services/mission.html#canceling-operations.
+        """
+        session = self._session
+        if (
+            session is not None
+            and session.client == client
+            and session.kind == message.mission_type
+            and message.type == CANCELLED
+        ):
+            self._session, self._finished = None, (session, CANCELLED)
+            self._store.explain("Mission upload cancelled by its sender")
 
     def _end(self, session: _UploadSession, outcome: MissionResult) -> None:
         """End an upload, report a refusal and acknowledge."""

@@ -254,6 +254,8 @@ class _Upload(_PlanExchange[None]):
             item._replace(sequence=n, mission_type=self._type) for n, item in enumerate(items)
         )
         self._requested_item: int | None = None
+        self._last_item = -1
+        """Largest number of an item that the vehicle has requested."""
 
     @property
     def accepted(self) -> bool:
@@ -298,7 +300,8 @@ class _Upload(_PlanExchange[None]):
             self._requested_item = None
         else:
             self._requested_item = sequence
-            self._note_progress()
+            self._note_progress(is_new=sequence > self._last_item)
+            self._last_item = max(self._last_item, sequence)
         self._send_request()
 
     def _describe(self) -> str:

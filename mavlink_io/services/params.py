@@ -308,8 +308,8 @@ class _ParamList(_OrderedExchange[dict[str, float]]):
             return
         if self._missing is None:
             self._missing = set(range(message.param_count))
+        self._note_progress(is_new=message.param_index in self._missing)
         self._missing.discard(message.param_index)
-        self._note_progress()
         if not self._missing:
             self._finish(dict(sorted(self._values.items())))
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from mavlink_io import dialect
-from mavlink_io.codec import Frame, Framer, encode
+from mavlink_io.codec import MAX_REJECTED, Frame, Framer, encode
 from mavlink_io.dialect import MessageField, MessageType
 
 MESSAGES = [
@@ -205,3 +205,15 @@ def test_values_wrong_field_names_raise_error() -> None:
         ATTITUDE.values(time_boot_ms=0)
     with pytest.raises(KeyError, match="no message NONSENSE"):
         dialect.by_name("NONSENSE")
+
+
+@pytest.mark.parametrize("magic", [b"\xfd", b"\xfe"])
+def test_datagram_of_frame_heads_is_skipped_after_a_while(magic: bytes) -> None:
+    """Each byte begins a frame: 60 kB of 0xfe took 76 ms, a tick has 20 ms."""
+    framer, size = Framer(max_rejected=MAX_REJECTED), 60_000
+    assert framer.feed(magic * size) == []
+    assert framer.rejected_frames == MAX_REJECTED
+    assert framer.skipped_bytes == size
+    system_time = dialect.by_name("SYSTEM_TIME")
+    (frame,) = framer.feed(encode(system_time, (1, 2), 0, 1, 1))
+    assert frame.name == "SYSTEM_TIME"

@@ -21,6 +21,9 @@ MAX_REPAIRS = 32
 """Maximum number of lost pieces that are requested at once."""
 MAX_BURST = 0x7FFF
 """Maximum number of packets of a burst; numbers further ahead are of requests before it."""
+MAX_ENTRIES = 10_000
+"""Maximum number of entries of a directory: a vehicle that ignores the offset of a request repeats
+its first ones for ever."""
 MAX_REQUESTS = 256
 """Number of the last requests whose answers count: more than can be under way."""
 
@@ -192,6 +195,9 @@ class _DirectoryList(_FtpExchange[list[ListingEntry]]):
                 self._fail(f"{self._describe()}: the answer has no complete entry")
                 return
             self._line_count += len(lines)
+            if self._line_count > MAX_ENTRIES:
+                self._fail(f"{self._describe()}: has more than {MAX_ENTRIES} entries")
+                return
             self._entries += [_entry(line) for line in lines if line[:1] in (b"F", b"D")]
             self._current = self._next_request()
             self._send_packet(self._current)
@@ -263,7 +269,7 @@ class _FtpDownload(_FtpExchange[int]):
         self._pending: dict[int, bytes] = {}
         self._requests: deque[Packet] = deque(maxlen=MAX_REQUESTS)
         self._session: int | None = None
-        self._size = 0
+        self._size, self._opened_at = 0, -1
         self._current = _path_request(sequences, payload.OPEN, path)
 
     def _send_request(self) -> None:
@@ -298,7 +304,8 @@ class _FtpDownload(_FtpExchange[int]):
                 " here already"
             )
             return
-        self._note_progress()
+        self._note_progress(is_new=self._written > self._opened_at)
+        self._opened_at = self._written
         self._request_rest()
 
     def _handle_data(self, packet: Packet) -> None:
@@ -307,13 +314,16 @@ class _FtpDownload(_FtpExchange[int]):
         Bytes that no request explains are ignored: they are late ones of an earlier transfer, whose
         session may have had the same number. So are bytes after the end: the file has grown.
         """
-        if packet.offset >= self._size or not self._is_requested(packet):
+        if packet.offset >= self._size or not packet.data or not self._is_requested(packet):
             return
-        self._note_progress()
-        self._pending[packet.offset] = packet.data
-        if packet.offset > self._frontier:
-            for offset in range(self._frontier, packet.offset, MAX_DATA):
-                self._read(offset, min(MAX_DATA, packet.offset - offset))
+        self._note_progress(
+            is_new=packet.offset + len(packet.data) > self._written
+            and packet.offset not in self._pending
+        )
+        self._pending[packet.offset] = packet.data[: self._size - packet.offset]
+        lost = range(self._frontier, packet.offset, MAX_DATA)
+        for offset in lost[:MAX_REPAIRS]:  # the end of the burst requests the others
+            self._read(offset, min(MAX_DATA, packet.offset - offset))
         self._frontier = max(self._frontier, packet.offset + len(packet.data))
         self._write()
         if self._written >= self._size or (

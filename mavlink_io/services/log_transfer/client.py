@@ -99,8 +99,8 @@ class _LogList(Exchange[list[RemoteLog]]):
     def _handle_message(self, name: str, message: Any) -> None:
         """Add a LOG_ENTRY; finish when all logs are listed."""
         if message.num_logs:
+            self._note_progress(is_new=message.id not in self._logs)
             self._logs[message.id] = RemoteLog(message.id, message.size, message.time_utc)
-            self._note_progress()
         if len(self._logs) >= message.num_logs:
             self._finish([self._logs[number] for number in sorted(self._logs)])
 
@@ -144,15 +144,18 @@ class _LogDownload(Exchange[int]):
         )
 
     def _handle_message(self, name: str, message: Any) -> None:
-        """Write the data of a LOG_DATA in order; finish at the size of the log."""
-        if message.id != self._log.number or not message.count:
+        """Write the data of a LOG_DATA in order; finish at the size of the log.
+
+        Bytes that were not requested are ignored.
+        """
+        data = bytes(message.data[: message.count])[: max(0, self._log.bytes - message.ofs)]
+        if message.id != self._log.number or not data or message.ofs >= self._requested_end:
             return
-        self._note_progress()
-        if message.ofs >= self._written:
-            self._pending[message.ofs] = bytes(message.data[: message.count])
-        while (data := self._pending.pop(self._written, None)) is not None:
-            self._sink.write(data)
-            self._written += len(data)
+        self._note_progress(
+            is_new=message.ofs + len(data) > self._written and message.ofs not in self._pending
+        )
+        self._pending[message.ofs] = data
+        self._write()
         if self._on_progress is not None:
             self._on_progress(self._written, self._log.bytes)
         if self._written >= self._log.bytes:
@@ -160,6 +163,15 @@ class _LogDownload(Exchange[int]):
             self._finish(self._log.bytes)
         elif message.ofs + message.count >= self._requested_end:
             self._send_request()
+
+    def _write(self) -> None:
+        """Append the pending pieces that continue the written bytes without a gap."""
+        for offset in sorted(self._pending):
+            if offset > self._written:
+                break
+            data = self._pending.pop(offset)[self._written - offset :]
+            self._sink.write(data)
+            self._written += len(data)
 
     def _describe(self) -> str:
         return f"the request for log {self._log.number}"

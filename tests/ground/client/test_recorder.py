@@ -216,6 +216,29 @@ def test_pose_has_vehicle_attitude_in_east_north_up(tmp_path: Path) -> None:
     assert up_axis[2] == pytest.approx(level, abs=1e-6)
 
 
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_pose_that_is_not_finite_is_left_out(tmp_path: Path, value: float) -> None:
+    path = tmp_path / "log.mcap"
+    place: dict[str, Any] = {
+        "time_boot_ms": 0,
+        "x": 10.0,
+        "y": 20.0,
+        "z": 3.0,
+        "vx": 0.0,
+        "vy": 0.0,
+        "vz": 0.0,
+    }
+    frames = [
+        frame_of("LOCAL_POSITION_NED", **place),
+        attitude(20, yaw=value),
+        attitude(40, pitch=0.1),
+        frame_of("LOCAL_POSITION_NED", **place | {"x": value}),
+        attitude(400),
+    ]
+    record(path, frames)
+    assert len(read_json(path, "/tf")) == 1
+
+
 def test_profile_names_no_encoding_that_a_channel_lacks(tmp_path: Path) -> None:
     """Profile ros1: "message_encoding MUST be ros1" (https://mcap.dev/spec/registry)."""
     path = tmp_path / "log.mcap"

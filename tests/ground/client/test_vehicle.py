@@ -217,6 +217,18 @@ def test_a_denial_is_final(meet: Meet) -> None:
         connected(fake).arm()
 
 
+def test_refusal_names_the_last_texts_once(meet: Meet) -> None:
+    fake = meet({ARM: [DENIED]})
+    vehicle = connected(fake)
+    for n in range(40):
+        fake.send_text(f"reason {n // 2}")
+        fake.send_text("")
+    with pytest.raises(VehicleClientError) as refusal:
+        vehicle.command(ARM, 1.0)
+    reasons = "; ".join(f"reason {n}" for n in range(15, 20))
+    assert str(refusal.value) == f"component arm disarm: denied ({reasons})"
+
+
 def test_a_long_text_is_one_text(fake: FakeVehicle) -> None:
     vehicle = connected(fake)
     fake.send_text("SystemID Starting: axis=12 wave=doublet magnitude=", id=3, chunk_seq=0)

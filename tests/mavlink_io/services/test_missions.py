@@ -185,6 +185,28 @@ def test_mission_second_uploader_is_denied() -> None:
     assert sea.store.items == tuple(leg(1))
 
 
+@pytest.mark.parametrize(
+    ("sender", "result", "kind", "second_upload"),
+    [
+        (GROUND, missions.CANCELLED, 0, "MISSION_REQUEST_INT"),
+        (GROUND, missions.ACCEPTED, 0, "MISSION_ACK"),
+        (GROUND, missions.CANCELLED, 1, "MISSION_ACK"),
+        (OTHER_GROUND, missions.CANCELLED, 0, "MISSION_ACK"),
+    ],
+)
+def test_mission_upload_is_cancelled_by_its_sender_only(
+    sender: MavlinkId, result: int, kind: int, second_upload: str
+) -> None:
+    """MAVSDK cancels an upload by a MISSION_ACK with MAV_MISSION_OPERATION_CANCELLED."""
+    sea = Sea()
+    sea.run(sea.client.upload(leg(3)))
+    sea.ask("MISSION_COUNT", count=2, mission_type=0)
+    assert sea.ask("MISSION_ACK", sender, type=result, mission_type=kind) == []
+    sea.ask("MISSION_COUNT", OTHER_GROUND, count=1, mission_type=0)
+    assert sea.down.names[-1] == second_upload
+    assert sea.store.items == tuple(leg(3))
+
+
 def test_mission_second_uploader_with_same_ids_is_denied() -> None:
     """Every MAVSDK program has the ids 245/190."""
     sea, elsewhere = Sea(), Wire(VEHICLE)
