@@ -43,7 +43,7 @@ def check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
     A mark may omit it only if there is one log.
     """
     for mark in marks:
-        description = f"run {mark.start_s:g}..{mark.stop_s:g}"
+        description = f"--segment {mark.text}"
         if mark.log and mark.log not in names:
             raise RefitError(f"{description}: {mark.log} is none of the logs {', '.join(names)}")
         if not mark.log and len(names) > 1:

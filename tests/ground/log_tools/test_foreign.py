@@ -54,7 +54,10 @@ def test_other_log_is_inspected_and_exported(tmp_path: Path, name: str, attitude
     ("options", "message"),
     [
         (["--segment", "1..2:fin"], r"--segment 1\.\.2:fin: give \[LOG:\]START\.\.STOP:rudder"),
-        (["--segment", "b.ulg:1..2:rudder"], r"run 1\.\.2: b\.ulg is none of the logs a\.ulg"),
+        (
+            ["--segment", "b.ulg:1700000001..1700000002:rudder"],
+            r"--segment 1700000001\.0\.\.1700000002\.0:rudder: b\.ulg is none of the logs a\.ulg",
+        ),
         (
             ["--segment", "10..500:rudder"],
             r"a\.ulg: run 10\.\.500 must lie within the log, 100\.0\.\.140\.0 s",
