@@ -32,7 +32,6 @@ from sysid.data.dataset import (
 )
 from sysid.data.events import StopReason, TestAxis, TestEnded, TestStarted, TestWave
 from sysid.data.readers.samples import (
-    NO_DAMAGE,
     FileDamage,
     MessageColumns,
     body_rates,
@@ -207,11 +206,13 @@ def load(path: Path) -> tuple[dict[str, MessageColumns], FileDamage]:
 def _parse(path: Path) -> _Table:
     """Return the content of a file; raise LogError naming line and column."""
     try:
-        lines = read_text(path, "utf-8-sig").splitlines()
+        text = read_text(path, "utf-8-sig").rstrip("\0")  # blocks that a loss of power left empty
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a CSV file") from None
-    except UnicodeDecodeError:
-        raise LogError(f"{path}: is no text in UTF-8; give a CSV file") from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise LogError(f"{path}: line {line}: is no text in UTF-8; give a CSV file") from None
+    lines = text.splitlines()
     parameters = _parameters(path, lines)
     numbered = [
         (number, line)
@@ -226,6 +227,10 @@ def _parse(path: Path) -> _Table:
         raise LogError(f"{path}: is no CSV file: {error}") from None
     if len(rows) != len(numbered) - 1:
         raise LogError(f"{path}: a quotation mark is not closed; write one row per line")
+    damage = list[str]()
+    if len(rows) > 2 and len(rows[-1]) < len(header) and not text.endswith("\n"):
+        rows.pop()
+        damage.append(f"line {numbered.pop()[0]}, the last one, is cut off and left out")
     names = [name.strip() for name in header]
     duplicates = sorted({name for name in names if name and names.count(name) > 1})
     if duplicates:
@@ -256,14 +261,14 @@ def _parse(path: Path) -> _Table:
         )
     wrong = out_of_order(time_s)
     if not wrong.any():
-        return _Table(columns, time_s, tests, parameters, NO_DAMAGE)
+        return _Table(columns, time_s, tests, parameters, FileDamage(texts=tuple(damage)))
     lines_of_rows = np.array([number for number, _ in numbered[1:]])
     return _Table(
         quantities={name: values[~wrong] for name, values in columns.items()},
         time_s=time_s[~wrong],
         tests=[test for test, left_out in zip(tests, wrong, strict=True) if not left_out],
         parameters=parameters,
-        damage=FileDamage(texts=(_format_left_out(lines_of_rows[wrong], time_s[wrong]),)),
+        damage=FileDamage(texts=(_format_left_out(lines_of_rows[wrong], time_s[wrong]), *damage)),
     )
 
 

@@ -322,6 +322,30 @@ def test_wrong_times_are_counted_and_three_lines_named(tmp_path: Path) -> None:
     assert damage.endswith(": line 104 (1099), line 204 (1199), line 304 (1299), ...")
 
 
+@pytest.mark.parametrize("end", ["", "\0" * 512])
+def test_last_line_that_is_cut_off_is_left_out(tmp_path: Path, end: str) -> None:
+    """A logger that lost its power refused 330 s of good rows."""
+    path = write(tmp_path / "dive.csv")
+    whole = readers.read(path)
+    text = path.read_text().rstrip("\n")
+    path.write_text(text[: text.rindex(",", 0, text.rindex(","))] + end)
+    log = readers.read(path)
+    last_line = text.count("\n") + 1
+    assert log.damage == f"line {last_line}, the last one, is cut off and left out"
+    np.testing.assert_array_equal(log.attitude.time_s, whole.attitude.time_s[:-1])
+    path.write_text(text)
+    assert readers.read(path).damage == ""
+
+
+def test_line_that_is_no_text_is_named(tmp_path: Path) -> None:
+    path = write(tmp_path / "dive.csv")
+    lines = path.read_bytes().split(b"\n")
+    lines[41] += b"\xff"
+    path.write_bytes(b"\n".join(lines))
+    with pytest.raises(LogError, match=r"dive.csv: line 42: is no text in UTF-8"):
+        readers.read(path)
+
+
 def test_clock_that_jumps_to_utc_in_a_test_is_a_gap(tmp_path: Path) -> None:
     """The grid of a run, and that of the proposals, end at the jump."""
     lines = rows()
