@@ -63,6 +63,12 @@ NO_PEAK = {"W": 0.0, "Z": 0.5, "GAIN": 1.0}
 """Parameters of a peak filter that is off, by the end of their names."""
 FIRST_PEAK = {"W": 1.2, "Z": 0.6, "GAIN": 1.05}
 """Parameters of a peak filter at a start without one."""
+WAVE_DEPTH_TIME_S = 0.4
+"""EST_DPT_TIME (s) of a model whose tests show the pressure of waves.
+
+At frequencies above its inverse the estimated depth rate is that of the accelerometer, which
+follows the heave of the water. With the default, pitch and elevator follow it, too.
+"""
 PARAMETERS = (
     *TABLE_3_INITIAL,
     "HDG_REF_W",
@@ -73,6 +79,7 @@ PARAMETERS = (
     "PTCH_FF",
     "TRIM_PIT_DEG",
     "GAIN_SPD_MPS",
+    "EST_DPT_TIME",
 )
 """Parameters that a design sets besides those of the tailcone."""
 
@@ -142,6 +149,8 @@ def redesign(
         partial(steady_state.steady_turn, known.config, known.model),
     )
     gains |= reference_models.depth(vehicle, gains, loads, spec)
+    if vehicle.disturbance[Plane.PITCH].wave_depth_m:
+        gains["EST_DPT_TIME"] = WAVE_DEPTH_TIME_S
     design = _assemble(model, vehicle, gains, initial, spec, robust)
     return design._replace(
         reasons=explain(model, gains, design.analysis, design.initial, design.predicted, spec)

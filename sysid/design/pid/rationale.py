@@ -82,6 +82,7 @@ def explain(
             f" {100 * spec.depth_overshoot * spec.depth_step_m:.0f} cm of overshoot settle soonest,"
             " simulated"
         ),
+        "EST_DPT_TIME": "the depth rate follows the pressure, not the heave of the water in waves",
         **reference_models.REASONS,
     }
     return {name: texts[name] for name in gains}

@@ -95,6 +95,17 @@ def test_assumed_waves_are_the_least(in_swell: IdentifiedModel) -> None:
     assert assumed == pytest.approx([0.01, 0.01, 0.03, 2.0 * depth_m])
 
 
+def test_depth_estimate_of_tests_with_waves_follows_the_pressure(
+    in_swell: IdentifiedModel, model: IdentifiedModel
+) -> None:
+    """Campaigns in swell: remus100 held its depth half as well with the redesigned gains."""
+    calm = replace(model, noise=_without_pressure(model))
+    with_waves, without = pid.redesign(in_swell), pid.redesign(calm)
+    assert with_waves.gains["EST_DPT_TIME"] == pid.WAVE_DEPTH_TIME_S
+    assert "pressure" in with_waves.reasons["EST_DPT_TIME"]
+    assert "EST_DPT_TIME" not in without.gains
+
+
 def _without_pressure(model: IdentifiedModel) -> dict[Plane, NoiseModel]:
     """Return the noise of a model without the pressure of waves."""
     pitch = replace(model.noise[Plane.PITCH], wave_depth_m=0.0)
