@@ -49,7 +49,7 @@ MIN_DEPTH_SHARE, MIN_LIMIT_SHARE = 0.5, 0.95
 """Smallest share of the commanded depth that a dive reaches, and share of the largest pitch and of
 the travel from which on a command counts as the largest."""
 MAX_TIME_AT_LIMITS = 0.5
-"""Largest share of an unfinished dive with full commands whose cause is not the buoyancy."""
+"""Share of an unfinished dive with full commands above which the vehicle counts as too buoyant."""
 KEPT_DIVES = 24
 """Number of the latest dives that are kept: several checks use the same ones."""
 MIN_STEP_S = 4.5

@@ -12,6 +12,7 @@ from mavlink_io.request import Exchange, MavlinkId, Send
 from mavlink_io.services.ftp import payload
 from mavlink_io.services.ftp.payload import ACK, MAX_DATA, NAK, Packet
 from mavlink_io.services.ftp.tree import ListingEntry
+from mavlink_io.services.ordered_pieces import OrderedPieces
 
 T = TypeVar("T")
 
@@ -248,8 +249,8 @@ class _Checksum(_FtpExchange[int]):
 class _FtpDownload(_FtpExchange[int]):
     """Open a file, request bursts, request lost pieces again, and close the file.
 
-    ``_written`` is the number of bytes in the sink. ``_frontier`` is the end of the last byte that
-    was received or requested; pieces between the two are in ``_pending`` or lost.
+    ``_frontier`` is the end of the last byte that was received or requested. What ``_pieces`` has
+    neither written nor pending before it is lost.
     """
 
     def __init__(
@@ -264,9 +265,8 @@ class _FtpDownload(_FtpExchange[int]):
         on_progress: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer, sequences, path)
-        self._sink, self._on_progress = sink, on_progress
-        self._written = self._frontier = start
-        self._pending: dict[int, bytes] = {}
+        self._on_progress, self._frontier = on_progress, start
+        self._pieces = OrderedPieces(sink, start)
         self._requests: deque[Packet] = deque(maxlen=MAX_REQUESTS)
         self._session: int | None = None
         self._size, self._opened_at = 0, -1
@@ -298,14 +298,14 @@ class _FtpDownload(_FtpExchange[int]):
             self._fail_with_error(packet)
             return
         self._session, self._size = packet.session, int.from_bytes(packet.data[:4], "little")
-        if self._written > self._size:
+        if self._pieces.written > self._size:
             self._fail(
-                f"{self._path}: holds {self._size} bytes, fewer than the {self._written} that are"
-                " here already"
+                f"{self._path}: holds {self._size} bytes, fewer than the {self._pieces.written}"
+                " that are here already"
             )
             return
-        self._note_progress(is_new=self._written > self._opened_at)
-        self._opened_at = self._written
+        self._note_progress(is_new=self._pieces.written > self._opened_at)
+        self._opened_at = self._pieces.written
         self._request_rest()
 
     def _handle_data(self, packet: Packet) -> None:
@@ -316,17 +316,15 @@ class _FtpDownload(_FtpExchange[int]):
         """
         if packet.offset >= self._size or not packet.data or not self._is_requested(packet):
             return
-        self._note_progress(
-            is_new=packet.offset + len(packet.data) > self._written
-            and packet.offset not in self._pending
-        )
-        self._pending[packet.offset] = packet.data[: self._size - packet.offset]
+        data = packet.data[: self._size - packet.offset]
+        self._note_progress(is_new=self._pieces.add(packet.offset, data))
         lost = range(self._frontier, packet.offset, MAX_DATA)
         for offset in lost[:MAX_REPAIRS]:  # the end of the burst requests the others
             self._read(offset, min(MAX_DATA, packet.offset - offset))
         self._frontier = max(self._frontier, packet.offset + len(packet.data))
-        self._write()
-        if self._written >= self._size or (
+        if self._on_progress is not None:
+            self._on_progress(self._pieces.written, self._size)
+        if self._pieces.written >= self._size or (
             packet.requested == payload.BURST and packet.burst_complete
         ):
             self._request_rest()
@@ -380,7 +378,7 @@ class _FtpDownload(_FtpExchange[int]):
 
     def _request_rest(self) -> None:
         """Request lost pieces and the next burst; close the file if it is complete."""
-        if self._written >= self._size:
+        if self._pieces.written >= self._size:
             self._request(payload.TERMINATE, session=self._session or 0)
             self._finish(self._size)
             return
@@ -400,24 +398,13 @@ class _FtpDownload(_FtpExchange[int]):
 
     def _gaps(self) -> list[tuple[int, int]]:
         """Return offset and length of every piece that is missing before the frontier."""
-        gaps, end = [], self._written
-        for offset in (*sorted(self._pending), self._frontier):
+        gaps, end = [], self._pieces.written
+        for offset in (*sorted(self._pieces.pending), self._frontier):
             gaps += [
                 (piece, min(MAX_DATA, offset - piece)) for piece in range(end, offset, MAX_DATA)
             ]
-            end = max(end, offset + len(self._pending.get(offset, b"")))
+            end = max(end, offset + len(self._pieces.pending.get(offset, b"")))
         return gaps
-
-    def _write(self) -> None:
-        """Append the pending pieces that continue the written bytes without a gap."""
-        for offset in sorted(self._pending):
-            if offset > self._written:
-                break
-            data = self._pending.pop(offset)[self._written - offset :]
-            self._sink.write(data)
-            self._written += len(data)
-        if self._on_progress is not None:
-            self._on_progress(self._written, self._size)
 
     def _describe(self) -> str:
         return f"the request for {self._path}"

@@ -9,6 +9,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from mavlink_io.request import Exchange, MavlinkId, Send
 from mavlink_io.services.log_transfer.server import DATA_BYTES
+from mavlink_io.services.ordered_pieces import OrderedPieces
 
 CHUNK_MESSAGES = 512
 """Number of LOG_DATA messages that one request asks for."""
@@ -109,10 +110,7 @@ class _LogList(Exchange[list[RemoteLog]]):
 
 
 class _LogDownload(Exchange[int]):
-    """Request the log in chunks, and lost pieces again.
-
-    ``_written`` is the number of bytes in the sink, ``_pending`` the pieces after a gap by offset.
-    """
+    """Request the log in chunks, and lost pieces again."""
 
     message_names = frozenset(("LOG_DATA",))
 
@@ -127,20 +125,23 @@ class _LogDownload(Exchange[int]):
         on_progress: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer)
-        self._log, self._sink, self._on_progress = log, sink, on_progress
-        self._written = start
-        self._pending: dict[int, bytes] = {}
+        self._log, self._on_progress = log, on_progress
+        self._pieces = OrderedPieces(sink, start)
         self._requested_end = start
 
     def _send_request(self) -> None:
         """Request the first gap or the next chunk."""
         stop = min(
-            [offset for offset in self._pending if offset > self._written], default=self._log.bytes
+            [offset for offset in self._pieces.pending if offset > self._pieces.written],
+            default=self._log.bytes,
         )
-        stop = min(stop, self._written + CHUNK_MESSAGES * DATA_BYTES)
+        stop = min(stop, self._pieces.written + CHUNK_MESSAGES * DATA_BYTES)
         self._requested_end = max(self._requested_end, stop)
         self._send_to_peer(
-            "LOG_REQUEST_DATA", id=self._log.number, ofs=self._written, count=stop - self._written
+            "LOG_REQUEST_DATA",
+            id=self._log.number,
+            ofs=self._pieces.written,
+            count=stop - self._pieces.written,
         )
 
     def _handle_message(self, name: str, message: Any) -> None:
@@ -151,27 +152,14 @@ class _LogDownload(Exchange[int]):
         data = bytes(message.data[: message.count])[: max(0, self._log.bytes - message.ofs)]
         if message.id != self._log.number or not data or message.ofs >= self._requested_end:
             return
-        self._note_progress(
-            is_new=message.ofs + len(data) > self._written and message.ofs not in self._pending
-        )
-        self._pending[message.ofs] = data
-        self._write()
+        self._note_progress(is_new=self._pieces.add(message.ofs, data))
         if self._on_progress is not None:
-            self._on_progress(self._written, self._log.bytes)
-        if self._written >= self._log.bytes:
+            self._on_progress(self._pieces.written, self._log.bytes)
+        if self._pieces.written >= self._log.bytes:
             self._send_to_peer("LOG_REQUEST_END")
             self._finish(self._log.bytes)
         elif message.ofs + message.count >= self._requested_end:
             self._send_request()
-
-    def _write(self) -> None:
-        """Append the pending pieces that continue the written bytes without a gap."""
-        for offset in sorted(self._pending):
-            if offset > self._written:
-                break
-            data = self._pending.pop(offset)[self._written - offset :]
-            self._sink.write(data)
-            self._written += len(data)
 
     def _describe(self) -> str:
         return f"the request for log {self._log.number}"
